@@ -427,7 +427,7 @@ def give_answer(
     locality: Locality,
     answer: Answer,
 ) -> None:
-    """Fill an answer's wrenches; arguments as of :func:`answer_and_limit` and :func:`fly`."""
+    """Fill an answer's wrenches; arguments as of :func:`control_sample` and :func:`fly`."""
     seen, out = model, answer.wrenches
     if locality.force_channel != 0.0:
         seen = OperationalModelSample(local(MODEL_SIZE))
@@ -483,55 +483,10 @@ def remember_commanded(past: Array, commanded: Array) -> None:
         put(past[0], commanded)
 
 
-@inner
-def answer_and_limit(
-    account: ControllerAccount,
-    settings: ControllerSettings,
-    faded: Array,
-    queue: Array,
-    past: Array,
-    device: DeviceSample,
-    model: OperationalModelSample,
-    time: float,
-    apart_ns: int,
-    elapsed_ns: int,
-    locality: Locality,
-    received: bool,
-    answered: bool,
-    answer: Answer,
-    wrenches: Array,
-) -> None:
-    """Answer a sample; see :func:`control_sample`, whose first part this is."""
-    period = account.period
-    account_for_motion(account, model.twist, max(round(elapsed_ns / 1e9 / period), 0) * period)
-    if received:
-        account_for_hand(account, device)
-        if not answered:
-            ahead, flying = lateness(apart_ns, period), queue
-            closes = locality.force_channel != 0.0
-            number, ahead = number_in_flight(queue.shape[0], ahead, period, closes)
-            if number != queue.shape[0]:
-                flying = past[: min(number, past.shape[0])]
-            give_answer(
-                account, settings, faded, flying, device, model, time, ahead, locality, answer
-            )
-        conclude(account, settings, device, model, time, locality, answer)
-    passive_wrench(account, answer, wrenches[0])
-
-
-@inner
-def command_mechanism(
-    account: ControllerAccount, queue: Array, past: Array, wrenches: Array
-) -> None:
-    """Command the mechanism; see :func:`control_sample`, whose last part this is."""
-    queue_wrench(account, queue, wrenches[0], wrenches[1])
-    remember_commanded(past, wrenches[0])
-
-
 @kernel(
     "void(ControllerAccount, ControllerSettings, float64[::1], float64[:,::1], float64[:,::1],"
     " DeviceSample, OperationalModelSample, float64, int64, int64, Locality, boolean, boolean,"
-    " Answer, float64[:,::1])"
+    " Answer, float64[::1])"
 )
 def control_sample(
     account: ControllerAccount,
@@ -548,16 +503,18 @@ def control_sample(
     received: bool,
     answered: bool,
     answer: Answer,
-    wrenches: Array,
+    commanded: Array,
 ) -> None:
-    """Do what the controller does at a sample: answer it, account for it, command the mechanism.
+    """Answer a sample, account for it, and limit the command to the mechanism.
+
+    What the controller does at a sample; :func:`command_mechanism` does the rest.
 
     Args:
         account: of the controller, changed.
         settings: of the controllers.
         faded: (6,) rest of the wrench carried on from another grasp, N and N m, world axes.
-        queue: (delay, 6) commands to the mechanism that do not act yet, N and N m; changed.
-        past: (n, 6) those until now, newest first, likewise; changed.
+        queue: (delay, 6) commands to the mechanism that do not act yet, N and N m.
+        past: (n, 6) those until now, newest first, likewise.
         device: the sample.
         model: the operational model.
         time: s.
@@ -567,24 +524,37 @@ def control_sample(
         received: whether the sample is a new one; else nothing is answered.
         answered: whether the answer's wrenches are there already, from a law in Python.
         answer: to fill; else the last one.
-        wrenches: (2, 6) to fill: what is sent to the mechanism, and what acts on it from now on, N
-            and N m, world axes.
+        commanded: (6,) to fill: what is sent to the mechanism, N and N m, world axes.
     """
-    answer_and_limit(
-        account,
-        settings,
-        faded,
-        queue,
-        past,
-        device,
-        model,
-        time,
-        apart_ns,
-        elapsed_ns,
-        locality,
-        received,
-        answered,
-        answer,
-        wrenches,
-    )
-    command_mechanism(account, queue, past, wrenches)
+    period = account.period
+    account_for_motion(account, model.twist, max(round(elapsed_ns / 1e9 / period), 0) * period)
+    if received:
+        account_for_hand(account, device)
+        if not answered:
+            ahead, flying = lateness(apart_ns, period), queue
+            closes = locality.force_channel != 0.0
+            number, ahead = number_in_flight(queue.shape[0], ahead, period, closes)
+            if number != queue.shape[0]:
+                flying = past[: min(number, past.shape[0])]
+            give_answer(
+                account, settings, faded, flying, device, model, time, ahead, locality, answer
+            )
+        conclude(account, settings, device, model, time, locality, answer)
+    passive_wrench(account, answer, commanded)
+
+
+@kernel("void(ControllerAccount, float64[:,::1], float64[:,::1], float64[::1], float64[::1])")
+def command_mechanism(
+    account: ControllerAccount, queue: Array, past: Array, commanded: Array, acting: Array
+) -> None:
+    """Command the mechanism, once the command is sound.
+
+    Args:
+        account: of the controller, changed.
+        queue: (delay, 6) commands that do not act yet, N and N m; changed.
+        past: (n, 6) those until now, newest first, likewise; changed.
+        commanded: (6,) what is sent, N and N m, world axes.
+        acting: (6,) to fill: what acts from now on, likewise.
+    """
+    queue_wrench(account, queue, commanded, acting)
+    remember_commanded(past, commanded)

@@ -15,6 +15,7 @@ import numpy as np
 
 from hapticmech_ros.control.account_kernels import (
     PREDICTION_LIMIT_S,
+    command_mechanism,
     control_sample,
     fly,
     lateness,
@@ -291,8 +292,9 @@ class RenderingController:
             device is not None,
             in_python,
             answer,
-            self.commanded,
+            self.commanded[0],
         )
+        command_mechanism(self.account, self.queue, self.past, *self.commanded)
 
     def in_flight(
         self, flying: Array, settings: Array, device: Array, operational_model: Array, time: float

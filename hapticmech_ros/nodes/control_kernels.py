@@ -4,9 +4,9 @@
 
 from __future__ import annotations
 
-from hapticmech_ros.compilation import inner, kernel, local, local_whole, put, shaped
+from hapticmech_ros.compilation import inner, kernel, local, local_whole, put
 from hapticmech_ros.compilation.records import Nested, Record, Whole
-from hapticmech_ros.control.account_kernels import answer_and_limit, command_mechanism
+from hapticmech_ros.control.account_kernels import command_mechanism, control_sample
 from hapticmech_ros.control.loop_layout import (
     Answer,
     ControllerAccount,
@@ -253,7 +253,7 @@ def answer_samples(
         Why it returns, see ``lane_kernels``.
     """
     words, moved, before = local_whole(WORDS), Motion(), ControllerAccount()
-    wrenches = shaped(local(12), (2, 6))
+    commanded, acting = local(6), local(6)
     state, model = DeviceStateMessage(states.values), OperationalModelMessage(models.values)
     for_device, for_point, gain = to_device.values, to_point.values, as_gain.values
     grace = 0
@@ -305,7 +305,7 @@ def answer_samples(
         apart = stamp - link.model_ns
         elapsed = link.model_ns - link.rendered if link.rendered > 0 else 0
         closed.with_model = 1.0 if stamp >= link.gain_from else 0.0
-        answer_and_limit(
+        control_sample(
             side,
             settings,
             faded,
@@ -320,10 +320,10 @@ def answer_samples(
             True,
             False,
             given,
-            wrenches,
+            commanded,
         )
         put(for_device, given.wrenches.on_hand)
-        put(for_point, wrenches[0])
+        put(for_point, commanded)
         sound = is_within(for_device, to_device.most) and is_within(for_point, to_point.most)
         if given.modelled != 0.0:
             write_gain(LocalFeedbackGain(gain), stamp, given)
@@ -342,7 +342,7 @@ def answer_samples(
             send_to_all(as_gain, words, real)
             left = publish_outside(as_gain)
             link.gain_from = stamp + link.gain_every
-        command_mechanism(side, queue, past, wrenches)
+        command_mechanism(side, queue, past, commanded, acting)
         put(motion.values, moved.values)
         note_sender(link, link.of_device, stamp, counted)
         note_read(link, states.reading, ages, time, time - stamp, counted, sent)

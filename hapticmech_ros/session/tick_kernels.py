@@ -14,14 +14,13 @@ from hapticmech_ros.compilation import (
     Structure,
     inner,
     kernel,
-    local,
     put,
     shaped,
 )
 from hapticmech_ros.compilation.records import Number, Record
 from hapticmech_ros.contact.layout import Contacts
 from hapticmech_ros.contact.step_kernels import WHOLE, advance_period, keep, restore
-from hapticmech_ros.control.account_kernels import control_sample
+from hapticmech_ros.control.account_kernels import command_mechanism, control_sample
 from hapticmech_ros.control.device_side_kernels import act
 from hapticmech_ros.control.kernels import receive, send
 from hapticmech_ros.control.loop_layout import (
@@ -298,7 +297,6 @@ def render(data: SessionData, time: float, stamp_ns: int, answered: bool) -> Non
     last, acting = answers[answers.shape[0] - 1], ActingWrenches(data.wrenches)
     sample = DeviceSample(data.forth[data.forth.shape[0] - 1] if connected else data.sample)
     given = Answer(data.given if connected else last)
-    wrenches = shaped(local(12), (2, 6))
     # The mechanism's state is never late.
     none = shaped(data.faded, (0, 6))
     control_sample(
@@ -316,10 +314,9 @@ def render(data: SessionData, time: float, stamp_ns: int, answered: bool) -> Non
         data.received != 0,
         answered,
         given,
-        wrenches,
+        acting.commanded,
     )
-    put(acting.commanded, wrenches[0])
-    put(acting.on_mechanism, wrenches[1])
+    command_mechanism(controller, data.commanded, none, acting.commanded, acting.on_mechanism)
     if connected:
         if data.received != 0:
             times, tag = data.times, ChannelState(data.forth_state).tag
