@@ -311,7 +311,12 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         self.transmit(state.stamp_ns, matrices)
 
     def transmit(self, stamp_ns: int, matrices: Mapping[str, Array]) -> None:
-        """Publish Y_ij (6, 6) by operational point, in a scene with several, at a stamp, ns."""
+        """Publish how other hands' wrenches reach the point, in a scene with several.
+
+        Args:
+            stamp_ns: of the state, ns.
+            matrices: Y_ij (6, 6) by operational point; 1, m and 1/m, world axes.
+        """
         if self._publish_transmission is not None:
             packed = self._coupling.pack(CouplingMatrices(stamp_ns, matrices))
             self._publish_transmission.publish(self._transmission_encoder.encode(packed))
