@@ -332,10 +332,9 @@ class Exchange:
             topic: its full name and type on the lane.
             message: its bytes.
         """
-        wait = None if self.lane is None else self.lane.wait
-        if self.lane is None or wait is None or not self.lane.turn.kernel_runs:
+        if self.lane is None or not self.lane.turn.kernel_runs:
             return False
-        found, now = wait.took(topic, message), time.monotonic_ns()
+        found, now = self._is_copy(topic, message), time.monotonic_ns()
         if found:
             return True
         due_ns = self._called_ns + CALLS_NS
@@ -354,12 +353,19 @@ class Exchange:
 
     def drop_copies(self) -> None:
         """Drop queued callbacks of messages that the kernel has read by now."""
-        wait = None if self.lane is None else self.lane.wait
-        for _ in range(len(self._deferred) if wait is not None else 0):
+        for _ in range(len(self._deferred)):
+            # Another thread may run them meanwhile.
             with suppress(IndexError):
                 one = self._deferred.popleft()
-                if wait is not None and not wait.took(one.topic, one.message):
+                if not self._is_copy(one.topic, one.message):
                     self._deferred.append(one)
+
+    def _is_copy(self, topic: str, message: bytes) -> bool | None:
+        """Return whether a message was read in this run of the kernel or before; None: by none."""
+        wait = None if self.lane is None else self.lane.wait
+        took = None if wait is None else wait.took(topic, message)
+        before = self._copies.get(topic.split(" ", 1)[0])
+        return took or (before.had(message) if took is not None and before is not None else took)
 
     @property
     def has_deferred(self) -> bool:
