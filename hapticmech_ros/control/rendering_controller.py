@@ -267,13 +267,12 @@ class RenderingController:
         answer = self._nothing if self.last is None else self.last.numbers
         settings, in_python = control.settings_at(time, clutch), control.answers_in_python
         if device is not None and in_python:
-            ahead = lateness(inputs.apart_ns, self.account.period)
-            flying, closes = None, locality.force_channel != 0.0
+            delay, period, flying = len(self.queue), self.account.period, None
+            closes = locality.force_channel != 0.0
+            ahead = lateness(inputs.apart_ns, period)
+            number, ahead = number_in_flight(delay, ahead, period, closes)
             if closes:
-                number, ahead = number_in_flight(
-                    len(self.queue), ahead, self.account.period, closes
-                )
-                rows = self.queue if number == len(self.queue) else self.past[:number]
+                rows = self.queue if number == delay else self.past[:number]
                 flying = self.in_flight(rows, settings, device, model, time)
             found = control.answer(time, clutch, device, model, ahead, flying)
             answer.wrenches.values[:] = found.ravel()

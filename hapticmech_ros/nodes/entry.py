@@ -87,6 +87,8 @@ def start(names: Sequence[str], arguments: Sequence[str] | None = None) -> int:
         # The first import of kernels loads, or compiles, them.
         sys.stderr.write(f"{error}\n")
         return 1
+    finally:
+        gc.enable()
 
 
 def haptic_device() -> None:

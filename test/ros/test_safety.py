@@ -98,18 +98,13 @@ def test_what_is_no_number_never_leaves(bench: Bench, peer: Peer, bad: float) ->
 
 
 def test_an_emergency_stop_lasts_until_it_is_taken_back(bench: Bench, peer: Peer) -> None:
-    after_ns = []
-    # Again where a starved machine delivered the request late.
-    while min(after_ns, default=20 * MS) >= 20 * MS:
-        assert len(after_ns) < 5
-        assert peer.call(SetBool, "device/emergency_stop", SetBool.Request(data=False)).success
-        peer.until(bench.pushed, "the push")
-        asked_ns = peer.node.get_clock().now().nanoseconds
-        assert peer.call(SetBool, "device/emergency_stop", SetBool.Request(data=True)).success
-        for _ in range(50):
-            bench.pushed()
-        assert bench.zero()
-        after_ns.append(bench.zero_after_ns(asked_ns))
+    peer.until(bench.pushed, "the push")
+    asked_ns = peer.node.get_clock().now().nanoseconds
+    assert peer.call(SetBool, "device/emergency_stop", SetBool.Request(data=True)).success
+    for _ in range(50):
+        bench.pushed()
+    assert bench.zero()
+    assert bench.zero_after_ns(asked_ns) < 20 * MS
     peer.until(lambda: bench.figure("fault") == "emergency stop", "the reason told")
     assert "emergency stop" in bench.statuses.sentence("haptic_device")
     assert peer.call(SetBool, "device/emergency_stop", SetBool.Request(data=False)).success
@@ -174,8 +169,7 @@ def test_a_device_that_nobody_could_stop_ends_its_force_until_it_listens_again(
     with running(others, domain), start_process(command, private_environment(domain)) as device:
         try:
             ended_ns = []
-            # Again where a busy machine ended the force by itself, about then.
-            while len(ended_ns) < 2:
+            for _ in range(6):
                 peer.until(lambda: statuses.well("haptic_device"), "rendering")
                 peer.until(lambda: any(six(applied[-1])), "a force")
                 applied.clear()
@@ -183,11 +177,15 @@ def test_a_device_that_nobody_could_stop_ends_its_force_until_it_listens_again(
                 device.send_signal(signal.SIGUSR1)
                 peer.until(lambda: applied and not any(six(applied[-1])), "its end")
                 after_ns = stamp_ns(applied[-1].header) - begun_ns
-                if after_ns > 70 * MS:
+                # A force that had ended before the signal did not end because of it: again.
+                if after_ns > 0:
+                    assert 70 * MS < after_ns < 500 * MS < STANDS_S * 1e9, ended_ns
                     ended_ns.append(after_ns)
                 peer.until(
                     lambda: any(six(applied[-1])), "a force once it listens again", timeout=10.0
                 )
-            assert max(ended_ns) < 500 * MS < STANDS_S * 1e9
+                if len(ended_ns) == 2:
+                    break
+            assert len(ended_ns) == 2
         finally:
             stop_process(device)
