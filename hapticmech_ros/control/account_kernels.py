@@ -270,7 +270,7 @@ def number_in_flight(delay: int, ahead: float, period: float, closes: bool) -> t
 
 
 @inner
-def fly(
+def impulse_in_flight(
     account: ControllerAccount,
     settings: ControllerSettings,
     flying: Array,
@@ -316,14 +316,14 @@ def predict(
     time: float,
     predicted: OperationalModelSample,
 ) -> float:
-    """Fill an operational model as it is when commands in flight have acted; see :func:`fly`.
+    """Fill an operational model as it is when commands in flight have acted.
 
     The pose is not extrapolated; F_c is taken as constant, so that equilibrium is kept. Other
-    arguments and what is returned as there.
+    arguments and what is returned: as of :func:`impulse_in_flight`.
     """
     put(predicted.values, model.values)
     impulse = local(6)
-    duration = fly(account, settings, flying, device, model, time, impulse)
+    duration = impulse_in_flight(account, settings, flying, device, model, time, impulse)
     for i in range(6):
         impulse[i] += duration * model.contact[i]
     x = model.inverse_inertia
@@ -427,7 +427,7 @@ def give_answer(
     locality: Locality,
     answer: Answer,
 ) -> None:
-    """Fill an answer's wrenches; arguments as of :func:`control_sample` and :func:`fly`."""
+    """Fill an answer's wrenches; for arguments see :func:`control_sample` and :func:`predict`."""
     seen, out = model, answer.wrenches
     if locality.force_channel != 0.0:
         seen = OperationalModelSample(local(MODEL_SIZE))

@@ -17,7 +17,7 @@ from hapticmech_ros.control.account_kernels import (
     PREDICTION_LIMIT_S,
     command_mechanism,
     control_sample,
-    fly,
+    impulse_in_flight,
     lateness,
     number_in_flight,
 )
@@ -311,7 +311,7 @@ class RenderingController:
         """
         sample, model = DeviceSample(device), OperationalModelSample(operational_model)
         impulse = np.empty(6)
-        duration = fly(
+        duration = impulse_in_flight(
             self.account, ControllerSettings(settings), flying, sample, model, time, impulse
         )
         return InFlight(duration, impulse)
