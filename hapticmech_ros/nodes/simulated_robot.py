@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
@@ -12,7 +14,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import authored_state, build_tree
-from hapticmech_ros.nodes.actor import ClockedActor, Host
+from hapticmech_ros.nodes.actor import ClockedActor, Host, LastValidState
 from hapticmech_ros.nodes.inputs import Latest, numbers_in
 from hapticmech_ros.nodes.messages import CONTROL_SUBSCRIBER, STREAM_PUBLISHER, set_stamp
 from hapticmech_ros.nodes.robot_parameters import SimulatedRobotParameters
@@ -22,8 +24,9 @@ from hapticmech_ros.robot.interfaces import servo_torque
 from hapticmech_ros.robot.mujoco_robot import Around, MujocoRobot, Wall
 from hapticmech_ros.wire.stamped import seconds_of
 
-# Of MuJoCo in a period.
-STEPS = 4
+# Least number of MuJoCo's steps in a period, and Hz of the joints' servo, which is no slower than
+# that of a robot's own controller, whatever the control rate is.
+STEPS, SERVO = 4, 1000.0
 # N m, rad, rad/s and so on that no command exceeds.
 LARGEST = 1e6
 
@@ -48,12 +51,15 @@ class SimulatedRobot(ClockedActor[SimulatedRobotParameters]):
                 "wall", parameters.wall, "must be a point and a normal, or empty"
             )
         around = Around(Wall(wall[:3], wall[3:] / np.linalg.norm(wall[3:])) if wall.size else None)
-        step = self.period_s / STEPS
+        self._turns = math.ceil(self.period_s * SERVO - 1e-9)
+        self._steps = math.ceil(STEPS / self._turns)
+        step = self.period_s / (self._turns * self._steps)
         self._robot = MujocoRobot(self.scene, parameters.operational_point, around, step)
         tree = build_tree(self.scene)
         self._names = list(tree.joint_names)
         start, rest = authored_state(self.scene, tree)
         self._robot.put(start, rest)
+        self._last_valid = LastValidState(start, self.period_s)
         self._held: Array | None = None
         self._command: Latest[Array] = Latest()
         self._rates: Array | None = None
@@ -70,7 +76,13 @@ class SimulatedRobot(ClockedActor[SimulatedRobotParameters]):
 
     def activate(self) -> None:
         """Go on where the robot is, without earlier commands."""
-        self._command = Latest()
+        self._command, self._held = Latest(), None
+
+    def reset(self) -> None:
+        """Return to the last valid positions, at rest, without commands; be silent for a while."""
+        q = self._last_valid.go_back(self.now_ns())
+        self._robot.put(q, np.zeros(self._robot.nv))
+        self.activate()
 
     def ready(self, deadline_ns: int) -> bool:
         """Return that there is no lockstep."""
@@ -79,8 +91,12 @@ class SimulatedRobot(ClockedActor[SimulatedRobotParameters]):
 
     def tick(self, periods: int, deadline_ns: int) -> None:
         """Move the robot, and publish its joints and its contact."""
+        if self._last_valid.rests(deadline_ns, self.activate):
+            return
         for _ in self.steps(periods, deadline_ns):
-            self._robot.advance(self._torque(deadline_ns), STEPS)
+            for _ in range(self._turns):
+                self._robot.advance(self._torque(deadline_ns), self._steps)
+        self._last_valid.keep(self._robot.q, periods)
         message = JointState(name=self._names)
         set_stamp(message.header.stamp, deadline_ns)
         message.position, message.velocity = self._robot.q.tolist(), self._robot.v.tolist()
@@ -98,7 +114,7 @@ class SimulatedRobot(ClockedActor[SimulatedRobotParameters]):
         return self._command.fresh(now_ns, nanoseconds(self.parameters.command_timeout))
 
     def _torque(self, now_ns: int) -> Array:
-        """Return torques (nv,) for the coming period, N m or N."""
+        """Return torques (nv,) for the coming turn of the servo, N m or N."""
         robot, value = self._robot, self._command.value
         if value is None or not self._commanded(now_ns):
             if self._held is None:

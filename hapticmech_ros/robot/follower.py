@@ -6,7 +6,8 @@ Time is an argument, s. As long as joint states, target and, where there is a se
 fresh, the robot follows by the law through a clutch: it makes the same motion as the target,
 relative to their poses at the engagement. Otherwise it fails closed:
 
-    joint states stale:      effort: the weight's, at the joints' last positions
+    joint states stale, or   effort: the weight's, at the joints' last positions
+    too old for the rates:
     target or wrench stale:  effort: that, and a brake
     either:                  velocity: zero;  position: the joints' at that time
 
@@ -71,6 +72,7 @@ from hapticmech_ros.robot.law import (
     TuningRamp,
     check_not_negative,
     check_positive,
+    longest_delay,
 )
 from hapticmech_ros.scene import Scene
 
@@ -353,7 +355,8 @@ class Counts:
         orders: given.
         followed: of these, in which the robot followed.
         engagements: of robot and target.
-        joints_stale, target_stale, wrench_stale: orders without fresh samples.
+        joints_stale, target_stale, wrench_stale: orders without fresh samples, those with joint
+            states too old for the rates included.
         slipped: times that the target was too far away.
         swings: oscillations about the target, each of which slowed the robot down.
         saturated: orders in which torque limits acted.
@@ -537,9 +540,14 @@ class Follower:
         self.counts.orders += 1
         settings = self._settings
         self._pass_on(now)
-        if now - self._joints_at > settings.joint_timeout:
+        age, trouble = now - self._joints_at, ""
+        if age > settings.joint_timeout:
+            trouble = "joint states are stale"
+        elif settings.interface == "effort" and age + settings.period > longest_delay(self.tuning):
+            trouble = "joint states are too old for the rates"
+        if trouble:
             self.counts.joints_stale += 1
-            return self._stop("joint states are stale", self._law.resting(self._q))
+            return self._stop(trouble, self._law.resting(self._q))
         state = self._law.state(self._q, self._v)
         if now - self._target_at > settings.target_timeout:
             self.counts.target_stale += 1

@@ -364,6 +364,21 @@ def loop_rates(delay: float, inertia_ratio: float = 1.0, observed: bool = True) 
     return LoopRates(rate, share * rate)
 
 
+def longest_delay(tuning: Tuning) -> float:
+    """Return the longest delay θ with which a loop of torques is used, s.
+
+    min(1 / (2 ζ ω + κ), ζ / ω), twice the delay of R8 with ζ = 1: below the delay margin of the
+    loop without payload, by a fifth with ζ = 1.
+
+    Args:
+        tuning: of the loop.
+    """
+    gains = tuning.gains
+    rate, zeta = max(gains.linear_rate, gains.angular_rate), gains.damping_ratio
+    gain = 2.0 * zeta * rate + tuning.observer_rate
+    return min(1.0 / gain if gain else math.inf, zeta / rate if rate else math.inf)
+
+
 def inertia_ratio(state: RobotState, payload: float, place: Array) -> float:
     """Return R, the most by which a payload multiplies the inertia of any motion at a state.
 

@@ -94,6 +94,21 @@ def test_stale_joints_leave_what_carries_the_weight_alone():
     assert not order.contact.any()
 
 
+@pytest.mark.parametrize("interface", ["effort", "velocity"])
+def test_torques_are_not_used_with_joint_states_too_old_for_the_rates(interface):
+    """Rates of 30 1/s bear 1/60 s, a period included, whatever the timeout is."""
+    law, made = follower(interface=interface, joint_timeout=0.2, target_timeout=0.2)
+    told(made)
+    assert made.order(0.0155).trouble == ""
+    order = made.order(0.0158)
+    if interface == "velocity":
+        assert order.trouble == ""
+        return
+    assert order.trouble == "joint states are too old for the rates"
+    np.testing.assert_array_equal(order.values, law.resting(Q))
+    assert (made.counts.joints_stale, made.follows) == (1, False)
+
+
 def test_a_stale_target_brakes_the_robot():
     law, made = follower()
     made.update_target(POSE, np.zeros(6), 0.0)

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.robot.law import GAIN_MARGIN, inertia_ratio, loop_rates
+from hapticmech_ros.robot.law import (
+    GAIN_MARGIN,
+    Gains,
+    Tuning,
+    inertia_ratio,
+    longest_delay,
+    loop_rates,
+)
 from hapticmech_ros.robot.mujoco_robot import Around, MujocoRobot, Unmodelled
 from oracles.driven_robots import law_of, poses, robot
 
@@ -55,6 +62,23 @@ def test_the_gain_high_up_is_half_of_what_a_delay_allows():
         assert 2.0 * found.law + found.observer == pytest.approx(1.0 / (3.0 * PERIOD))
         assert growth(*found, 0.5) < 1.0
         assert growth(*found, 0.25) > 1.0
+
+
+@pytest.mark.parametrize("zeta", [0.1, 0.5, 0.7, 1.0, 2.0])
+@pytest.mark.parametrize("observer", [0.0, 10.0, 30.0])
+def test_the_longest_delay_is_below_the_delay_margin(zeta, observer):
+    """The margin by the loop's frequency response: its phase where |L| = 1, over that frequency."""
+    rate = 30.0
+    found = longest_delay(Tuning(Gains(rate, 0.5 * rate, zeta), observer))
+    s = 1j * np.geomspace(0.1, 1e3, 200_001)
+    linear = rate**2 + 2.0 * zeta * rate * observer
+    loop = ((2.0 * zeta * rate + observer) * s**2 + linear * s + rate**2 * observer) / s**3
+    # The gain falls throughout where it is about 1.
+    at = int(np.flatnonzero(np.abs(loop) > 1.0)[-1])
+    margin = float(np.angle(-loop[at])) / s[at].imag
+    assert 0.0 < found < margin
+    if zeta == 1.0:
+        assert found > 0.75 * margin
 
 
 def test_a_payload_multiplies_inertia_by_what_mujoco_has():

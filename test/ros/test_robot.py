@@ -19,7 +19,7 @@ from std_srvs.srv import Trigger
 
 from hapticmech_ros import Mechanism, load_scene
 from hapticmech_ros.robot.law import OperationalLaw, inertia_ratio, loop_rates
-from ros.harness import WAIT_S, Peer, refused, running, six
+from ros.harness import RATE, WAIT_S, Peer, refused, running, six
 
 pytestmark = pytest.mark.ros
 ROBOT = str(Path(__file__).resolve().parents[2] / "examples/iiwa14.yaml")
@@ -29,6 +29,8 @@ QUICK = {"diagnostics_period": 0.1}
 # N s/m, by which the handle is brought to rest; m/s, at which it is.
 BRAKE, REST = 5.0, 0.002
 TRIES = 5
+# Hz: three nodes and a peer take half as much of a processor as at 250 Hz.
+CALM = 100.0
 
 
 class Watched:
@@ -78,15 +80,16 @@ class Watched:
 @contextmanager
 def graph(domain: int, interface: str, **options: object) -> Iterator[dict[str, object]]:
     """Run mechanism, robot and follower; yield their processes."""
-    kind = options.get("command_type", "array")
-    joints = {"interface": interface, "command_type": kind, **QUICK}
-    follower = {key: value for key, value in options.items() if key not in ("wall", "command_type")}
-    # A busy machine delays processes by some ten milliseconds.
+    kind, rate = options.pop("command_type", "array"), options.pop("control_rate", CALM)
+    wall = {"wall": options.pop("wall")} if "wall" in options else {}
+    same = {"control_rate": rate, **QUICK}
+    joints = {"interface": interface, "command_type": kind, **same}
+    # A busy machine delays processes by some ten milliseconds: rates that bear 50 ms.
     patient = {"joint_timeout": 0.2, "target_timeout": 0.3, "wrench_timeout": 0.3}
-    wall = {"wall": options["wall"]} if "wall" in options else {}
-    given = {"robot": ROBOT, "torque_limits": LIMITS, **patient, **joints, **follower}
+    slow = {"linear_rate": 10.0, "angular_rate": 10.0}
+    given = {"robot": ROBOT, "torque_limits": LIMITS, **patient, **slow, **joints, **options}
     with (
-        running("mechanism_simulator", domain, SCENE, **QUICK) as mechanism,
+        running("mechanism_simulator", domain, SCENE, **same) as mechanism,
         running("simulated_robot", domain, ROBOT, command_timeout=0.5, **wall, **joints) as robot,
         running("robot_follower", domain, SCENE, **given),
     ):
@@ -104,8 +107,11 @@ def test_the_robot_moves_by_as_much_as_the_mechanism(
         seen = Watched(peer)
         peer.until(seen.follows, "a robot that follows")
         push = peer.publisher(f"mechanism/{POINT}/external_cf", WrenchStamped)
-        # Again where a pause of the machine let the robot begin anew, from where it was then.
+        # Again where a pause of the machine let the robot begin anew, from where it was then, and
+        # across: along its stretched arm the handle is pushed in vain.
+        x, y = 0.4, -0.4
         for _ in range(TRIES):
+            x, y = -y, x
             before, handle, tool = seen.figure("engagements"), seen.handle, seen.tool
 
             def together(way: np.ndarray = handle - tool) -> bool:
@@ -117,7 +123,7 @@ def test_the_robot_moves_by_as_much_as_the_mechanism(
             peer.until(
                 lambda start=handle: np.linalg.norm(seen.handle - start) > 0.02,
                 "a handle that is pushed",
-                doing=lambda: push.publish(peer.wrench(0.4, 0.4, 0.0, 0.0, 0.0, 0.0)),
+                doing=lambda x=x, y=y: push.publish(peer.wrench(x, y, 0.0, 0.0, 0.0, 0.0)),
             )
             peer.until(
                 lambda before=before: together() or seen.figure("engagements") != before,
@@ -137,7 +143,7 @@ def test_the_hand_feels_what_the_robot_touches(domain: int, peer: Peer) -> None:
     tool = model.frame_pose(start, "tool").translation
     # A wall 15 mm from the tool, in whose way the mechanism goes.
     wall = f"{tool[0] + 0.025} 0 0 -1 0 0"
-    with graph(domain, "effort", wall=wall, wrench_topic="robot/wrench"):
+    with graph(domain, "effort", wall=wall, control_rate=RATE, wrench_topic="robot/wrench"):
         seen = Watched(peer)
         peer.until(seen.follows, "a robot that follows")
         push = peer.publisher(f"mechanism/{POINT}/external_cf", WrenchStamped)
@@ -206,6 +212,26 @@ def test_a_wrench_is_felt_in_the_axes_that_it_names(domain: int, peer: Peer) -> 
         assert "wrench_frame names the one that is meant" in said
 
 
+def test_a_simulated_robot_whose_motion_is_lost_begins_anew(domain: int, peer: Peer) -> None:
+    """Torques that no robot bears: it is silent for a while, and then at rest where it was."""
+    with running("simulated_robot", domain, ROBOT, **QUICK):
+        joints = peer.listen("robot/joint_states", JointState)
+        torques = peer.publisher("robot/commands", Float64MultiArray)
+        statuses = peer.statuses()
+        peer.until(lambda: joints, "a robot")
+        peer.until(
+            lambda: int(statuses.figure("simulated_robot", "failures") or 0) > 0,
+            "a motion that is lost",
+            doing=lambda: torques.publish(Float64MultiArray(data=[1e6, -1e6] * 3 + [1e6])),
+        )
+        failures = statuses.figure("simulated_robot", "failures")
+        joints.clear()
+        peer.until(lambda: len(joints) > 50, "a robot again")
+        assert statuses.figure("simulated_robot", "failures") == failures
+        assert max(map(abs, joints[-1].velocity)) < 0.1
+        assert max(map(abs, joints[-1].position)) < math.pi
+
+
 def test_without_a_target_the_robot_stands_and_carries_its_weight(domain: int, peer: Peer) -> None:
     with graph(domain, "effort") as processes:
         seen = Watched(peer)
@@ -248,7 +274,7 @@ def test_rates_follow_delay_and_payload_and_change_while_it_follows(
     state = law.state(law.posture, 0.0 * law.posture)
     ratio = inertia_ratio(state, 1.0, np.array([0.0, 0.0, 0.05]))
     ruled = {"linear_rate": -1.0, "angular_rate": -1.0, "observer_rate": -1.0}
-    told = {**ruled, "loop_delay": 0.005, "unknown_payload": 1.0, "payload_centre": "0 0 0.05"}
+    told = {**ruled, "loop_delay": 0.05, "unknown_payload": 1.0, "payload_centre": "0 0 0.05"}
 
     def acts(delay: float) -> bool:
         rates = loop_rates(delay, ratio)
@@ -258,9 +284,9 @@ def test_rates_follow_delay_and_payload_and_change_while_it_follows(
     with graph(domain, "effort", wrench_topic="robot/wrench", gain_ramp=0.1, **told):
         seen = Watched(peer)
         peer.until(seen.follows, "a robot that follows")
-        peer.until(lambda: acts(0.005), "rates of the rule")
-        assert peer.set_parameters("robot_follower", loop_delay=0.01).successful
-        peer.until(lambda: acts(0.01), "rates of the longer delay")
+        peer.until(lambda: acts(0.05), "rates of the rule")
+        assert peer.set_parameters("robot_follower", loop_delay=0.1).successful
+        peer.until(lambda: acts(0.1), "rates of the longer delay")
         for changed, rule in (
             ({"observer_rate": 0.0}, "must stay above 0 while the robot follows"),
             ({"observer_rate": 20.0}, "must be 0 or -1 with linear_rate -1"),
@@ -269,5 +295,5 @@ def test_rates_follow_delay_and_payload_and_change_while_it_follows(
             ({"loop_delay": 0.0}, "must be above 0 for rates of -1"),
         ):
             refused(peer, "robot_follower", (rule,), **changed)
-        assert acts(0.01)
+        assert acts(0.1)
         assert seen.figure("engagements") == "1"
