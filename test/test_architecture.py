@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[1]
 # the body's callers in a session, in a node's compiled loop, and in Python.
 CALLERS = {
     # Analyser.
-    "observe_point": {"observe", "answer_states", "_observe"},
+    "observe_point": {"observe", "answer_states", "_observe", "feel_state"},
     "count_rigid": {"receive_sample", "answer_states", "update"},
     # Controller.
     "account_for_motion": {"control_sample"},

@@ -6,6 +6,8 @@ from __future__ import annotations
 
 from hapticmech_ros.compilation import inner, kernel, local_whole, put
 from hapticmech_ros.compilation.records import Whole
+from hapticmech_ros.mechanism.kernels.manifold_kernels import configure
+from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.nodes.lane_kernels import (
     GOES_ON,
     GRACE_NS,
@@ -143,7 +145,7 @@ def answer_states(
         numbers: (integers,) constants of the mechanism, as for ``observe_point``.
         constants: (numbers,) the others, its ``values``.
         packed: (size,) as for ``observe_point``.
-        q: (nq,) configuration, to fill; nq = nv.
+        q: (nq,) configuration, to fill.
         v: (nv,) rates, to fill.
         metric: (numbers,) the ``constants`` of ``observe_point``.
         rows: (t,) as for ``observe_point``.
@@ -177,7 +179,7 @@ def answer_states(
         stamp = plain_stamp(link, values, states.most, active, grasp)
         if stamp == UNSOUND or abs(time - stamp) > link.oldest:
             return TO_READ
-        put(q, values[link.position : link.position + nv])
+        configure(Model(numbers, constants), values[link.position : link.position + nv], q)
         put(v, values[link.velocity : link.velocity + nv])
         rates_before(past, stamps, rates, stamp, before)
         code = observe_point(

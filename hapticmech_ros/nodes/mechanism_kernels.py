@@ -6,7 +6,10 @@ from __future__ import annotations
 
 from hapticmech_ros.compilation import inner, kernel, local_whole, put
 from hapticmech_ros.compilation.records import Whole
+from hapticmech_ros.contact.layout import Contacts
 from hapticmech_ros.control.loop_layout import ActingWrenches
+from hapticmech_ros.mechanism.kernels.manifold_kernels import coordinates_of
+from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.nodes.lane_kernels import (
     GOES_ON,
     MONOTONIC,
@@ -33,7 +36,15 @@ from hapticmech_ros.nodes.lane_kernels import (
     wait_for_deadline,
 )
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.session.tick_kernels import SessionData, move_mechanism
+from hapticmech_ros.numerics.small_matrices import is_zero
+from hapticmech_ros.operational.observe_kernels import observe_point
+from hapticmech_ros.session.tick_kernels import (
+    AT,
+    KNOWN,
+    SessionData,
+    feel_contacts,
+    move_mechanism,
+)
 from hapticmech_ros.wire.kernels import UNSOUND, sound_stamp
 
 
@@ -42,12 +53,13 @@ class MechanismLink(DeadlineLink):
 
     Attributes:
         ramp: time over which an expired command is ramped to zero, ns.
-        position, velocity, commanded: where these fields begin in a state message's data.
+        position, velocity, contact, commanded: where these fields begin in a state message's data.
     """
 
     ramp = Whole()
     position = Whole()
     velocity = Whole()
+    contact = Whole()
     commanded = Whole()
 
 
@@ -69,6 +81,44 @@ def standing(link: MechanismLink, commands: Array, known: int, wrench: Array) ->
         left = 0.0 if over >= link.ramp else 1.0 - over / link.ramp
         for i in range(6):
             wrench[i] *= left
+
+
+@inner
+def feel_state(
+    numbers: Array,
+    constants: Array,
+    packed: Array,
+    data: SessionData,
+    contact_numbers: Array,
+    contact_values: Array,
+    clock: Array,
+) -> bool:
+    """Fill F_c of the contacts at the state reached; return whether the point could be analysed.
+
+    It is where something touches that the point is analysed here, for F_c alone.
+    """
+    contacts, terms = Contacts(contact_numbers, contact_values), packed[clock[AT]]
+    if not is_zero(contacts.joint_force):
+        code = observe_point(
+            numbers,
+            constants,
+            terms,
+            clock[KNOWN],
+            data.q,
+            data.v,
+            data.index,
+            data.metric,
+            data.rows,
+            data.times.length,
+            0.0,
+            data.before,
+            packed[2],
+            data.observation,
+        )
+        if code != 0:
+            return False
+    feel_contacts(numbers, constants, data, terms, contacts)
+    return True
 
 
 @kernel(
@@ -152,8 +202,14 @@ def move_at_deadlines(
                 made_up(link)
         stamp = stepped(link, commands)
         out[0], out[1] = stamp // SECOND, stamp % SECOND
-        put(out[link.position : link.position + nv], data.q)
+        coordinates_of(Model(numbers, constants), data.q, out[link.position : link.position + nv])
         put(out[link.velocity : link.velocity + nv], data.v)
+        if contact_numbers.size > 0:
+            if not feel_state(
+                numbers, constants, packed, data, contact_numbers, contact_values, clock
+            ):
+                return TO_SAY
+            put(out[link.contact : link.contact + 6], data.contact)
         out[link.commanded] = 1.0 if stamp - link.received <= link.timeout else 0.0
         if sound_stamp(out, state.most, -1, 0.0) == UNSOUND:
             return TO_SAY

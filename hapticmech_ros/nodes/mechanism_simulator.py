@@ -14,6 +14,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, UInt8MultiArray
 
 from hapticmech_ros.compilation import arrays_of
+from hapticmech_ros.contact.step_kernels import MORE_WORKSPACE
 from hapticmech_ros.control.loop_layout import ActingWrenches
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.closures import grasp_written
@@ -41,13 +42,14 @@ from hapticmech_ros.nodes.plain_messages import PlainCommand, PlainMessages, Pub
 from hapticmech_ros.nodes.timeouts import MECHANISM_COMMAND, timeout_of
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
-from hapticmech_ros.operational.analysis import ContactWrenches, by_others
+from hapticmech_ros.operational.analysis import Analyser, ContactWrenches, by_others
 from hapticmech_ros.scene.mechanism import OperationalPoint
 from hapticmech_ros.session.sample import begin_totals, state_of
 from hapticmech_ros.session.tick_kernels import (
     AT,
     CLOCK_SIZE,
     KNOWN,
+    WHY,
     SessionData,
     SessionTimes,
     SessionTotals,
@@ -107,14 +109,25 @@ class MechanismTicks(PlainMessages):
             "v": np.zeros(mechanism.nv),
             "totals": SessionTotals().values,
         }
+        self._contacts = actor.simulator.contact_memory()
+        if self._contacts is not None:
+            analyser = Analyser(mechanism, port.name)
+            parts |= {
+                "rows": analyser.rows,
+                "metric": analyser.constants,
+                "observation": np.zeros(analyser.observation_size),
+                "before": np.zeros(1 + mechanism.nv),
+                "contact": np.zeros(6),
+            }
         self._data = SessionData(*arrays_of(SessionData, sizes, parts))
-        self._data.times.period = actor.period_s
+        self._data.times.fill(period=actor.period_s, length=mechanism.length)
         self._packed = np.zeros((4, 0))
         self._clock = np.zeros(CLOCK_SIZE, dtype=np.int64)
         self._known: MechanismState | None = None
         self._scene = actor.simulator.scene
         self._closed, self._grasp = layout.at["closed"], layout.at["grasp"]
         link.fill(**{part: layout.at[part].start for part in ("position", "velocity")})
+        link.contact = layout.at["contact"].start
         link.commanded = layout.at["commanded"].start + index
         link.period = nanoseconds(actor.period_s)
 
@@ -131,9 +144,11 @@ class MechanismTicks(PlainMessages):
         link.received, link.received_before = port.command.put_into(self._commands)
         link.newest, link.arrived = port.order.last
         link.until_view = actor.until_view
-        state, scene = actor.state, actor.simulator.scene
+        state, simulator, scene = actor.state, actor.simulator, actor.simulator.scene
         # The kernel's terms depend on the operational point's place; moving that makes a new scene.
         if state is not self._known or scene is not self._scene:
+            if scene is not self._scene and self._contacts is not None:
+                self._data.metric[:] = Analyser(simulator.mechanism, port.name).constants
             self._scene = scene
             self._load(state)
         self._out[self._grasp] = actor.places
@@ -147,6 +162,11 @@ class MechanismTicks(PlainMessages):
             self._packed = np.zeros((4, active_set.size))
         data.q[:], data.v[:] = state.q, state.v
         begin_totals(data.totals, state)
+        if self._contacts is not None:
+            if self._clock[WHY] == MORE_WORKSPACE:
+                self._contacts.enlarge()
+                self._clock[WHY] = 0
+            self._contacts.begin_with(state.touching)
         closing = simulator.closing(state)
         self._clock[AT], self._clock[KNOWN] = 0, closing.active_set is active_set
         if self._clock[KNOWN]:
@@ -159,6 +179,9 @@ class MechanismTicks(PlainMessages):
         simulator, data = self._simulator.simulator, self._data
         active_set = simulator.mechanism.active_set(self._simulator.state.active)
         simulator.stepper.prepare()
+        contacts: tuple[Array, Array] = _NO_CONTACTS
+        if self._contacts is not None:
+            contacts = self._contacts.arrays
         return partial(
             own.move_at_deadlines,
             self.link,
@@ -170,7 +193,7 @@ class MechanismTicks(PlainMessages):
             self._packed,
             simulator.stepper.work,
             data,
-            *_NO_CONTACTS,
+            *contacts,
             self._clock,
             self.ages,
         )
@@ -189,12 +212,16 @@ class MechanismTicks(PlainMessages):
     def _state(self) -> MechanismState:
         """The state to which the kernel has moved the mechanism."""
         known, data = self._known or self._simulator.state, self._data
-        return state_of(known, data.totals, data.q.copy(), data.v.copy(), None)
+        touching = None if self._contacts is None else self._contacts.touching()
+        return state_of(known, data.totals, data.q.copy(), data.v.copy(), touching)
 
     def view(self) -> Callable[[], None]:
         """Return a function that publishes the views of the kernel's state."""
-        stamp_ns = self.link.next - self.link.period
-        return self._simulator.prepare_view(self._state, self._simulator.calm, stamp_ns)
+        stamp_ns, external = self.link.next - self.link.period, self._simulator.calm
+        if self._contacts is not None:
+            # Of the only operational point.
+            external = self._data.contact[np.newaxis].copy()
+        return self._simulator.prepare_view(self._state, external, stamp_ns)
 
 
 class MechanismSimulator(ClockedActor[MechanismParameters]):
@@ -268,10 +295,10 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             at_zero=self._rest,
         )
         offer_closures(self, self._closures, self._switch)
-        square, touches = self._mechanism.nq == self._mechanism.nv, bool(self.scene.contacts)
-        waits = parameters.require_external_wrench
+        # Contacts are felt at each of several operational points.
+        spread = bool(self.scene.contacts) and len(names) > 1
         # If a kernel can step this mechanism without Python.
-        if square and len(held) == 1 and not (touches or waits):
+        if len(held) == 1 and not (spread or parameters.require_external_wrench):
             self._plain = MechanismTicks(self, self._layout, self._publish_wire)
 
     def apply_parameters(self, parameters: MechanismParameters) -> None:

@@ -79,8 +79,8 @@ class StateAnswers(PlainMessages):
         self.link = link = own.AnalyserLink()
         super().__init__(actor, [received], [published], link)
         self._analyser, self.answer = actor, self.outputs[0].values
-        nv = actor.mechanism.nv
-        self._position, self._rates, self._before = np.zeros(nv), np.zeros(nv), np.zeros(1 + nv)
+        nq, nv = actor.mechanism.nq, actor.mechanism.nv
+        self._position, self._rates, self._before = np.zeros(nq), np.zeros(nv), np.zeros(1 + nv)
         self._ahead = self._observation = np.zeros(0)
         index, sizes = actor.analyser.index, {"contact": 6, "grasp": GRASP_SIZE, "commanded": 1}
         # The last three have a part for each operational point.
@@ -225,8 +225,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
     def answers_plainly(self) -> bool:
         """Whether plain states are answered as :class:`StateAnswers` does."""
         known = self._count is not None and not self._silenced
-        square = self.mechanism.nq == self.mechanism.nv
-        return known and square and not self._others_hold
+        return known and not self._others_hold
 
     @property
     def until_view(self) -> int:

@@ -7,7 +7,13 @@ import pinocchio as pin
 import pytest
 
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.kernels.manifold_kernels import SERIES, local_rates, move
+from hapticmech_ros.mechanism.kernels.manifold_kernels import (
+    SERIES,
+    configure,
+    coordinates_of,
+    local_rates,
+    move,
+)
 from hapticmech_ros.scene import scene_from_document
 from oracles.generator import random_mechanism
 from sampling import sampled
@@ -69,6 +75,27 @@ def test_a_move_in_place_is_the_same(mechanism, q, size):
     moved = q.copy()
     move(model, moved, theta, moved)
     assert (moved == found).all()
+
+
+@pytest.mark.parametrize("size", [*SIZES, np.pi - 1e-9, np.pi, 3.5, 6.0])
+@pytest.mark.parametrize("mechanism", [mechanism for mechanism, _ in mechanisms()])
+def test_coordinates_are_pinocchios_and_lead_back(mechanism, size):
+    """Of angles beyond π the other rotation vector, as long as 2 π less."""
+    neutral, theta = pin.neutral(mechanism.model), change(mechanism, size)
+    q, found, again = np.empty(mechanism.nq), np.empty(mechanism.nv), np.empty(mechanism.nq)
+    model = mechanism.active_set((False,) * len(mechanism.closures)).model
+    configure(model, theta, q)
+    expected = pin.integrate(mechanism.model, neutral, theta)
+    largest = max(1.0, np.abs(theta).max())
+    assert np.abs(pin.difference(mechanism.model, expected, q)).max() < ROUNDING * largest
+    coordinates_of(model, q, found)
+    configure(model, found, again)
+    assert np.abs(pin.difference(mechanism.model, q, again)).max() < ROUNDING * largest
+    if abs(size - np.pi) > 1e-3:
+        expected = pin.difference(mechanism.model, neutral, q)
+        np.testing.assert_allclose(found, expected, atol=10.0 * ROUNDING * largest)
+    elif size < np.pi:
+        np.testing.assert_allclose(found, theta, atol=10.0 * ROUNDING * largest)
 
 
 @pytest.mark.parametrize(("mechanism", "q", "size"), CASES)

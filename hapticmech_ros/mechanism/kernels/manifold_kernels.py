@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""q ⊕ θ and the rate of θ, joint by joint, as Pinocchio has them.
+"""q ⊕ θ, its inverse, and the rate of θ, joint by joint, as Pinocchio has them.
 
 Positions of revolute and prismatic joints are numbers. The others are poses: of a planar joint x,
 y, cosine and sine, of a spherical one a quaternion x, y, z, w, of a free one both a position and a
@@ -63,6 +63,71 @@ def move(model: Model, start: Array, theta: Array, q: Array) -> None:
                     total += rotation[i, k] * along[k]
                 q[at + i] = total
             _turn_quaternion(start[at + 3 : at + 7], turn, q[at + 3 : at + 7])
+
+
+@inner
+def configure(model: Model, theta: Array, q: Array) -> None:
+    """Fill ``q`` (nq,) with the neutral configuration ⊕ theta (nv,)."""
+    joints = model.joints
+    q[:] = 0.0
+    for joint in range(1, joints.shape[0]):
+        kind, at = joints[joint, 3], joints[joint, 4]
+        if kind == PLANAR:
+            q[at + 2] = 1.0
+        elif kind == SPHERICAL:
+            q[at + 3] = 1.0
+        elif kind == FREE:
+            q[at + 6] = 1.0
+    move(model, q, theta, q)
+
+
+@inner
+def coordinates_of(model: Model, q: Array, theta: Array) -> None:
+    """Fill ``theta`` (nv,) with what :func:`configure` makes ``q`` (nq,) of; angles up to π."""
+    joints = model.joints
+    for joint in range(1, joints.shape[0]):
+        first, kind, at = joints[joint, 1], joints[joint, 3], joints[joint, 4]
+        if kind in (REVOLUTE, PRISMATIC):
+            theta[first] = q[at]
+        elif kind == PLANAR:
+            half = 0.5 * math.atan2(q[at + 3], q[at + 2])
+            kept, x, y = _half_cotangent(half), q[at], q[at + 1]
+            theta[first], theta[first + 1] = kept * x + half * y, kept * y - half * x
+            theta[first + 2] = 2.0 * half
+        elif kind == SPHERICAL:
+            _log_quaternion(q[at : at + 4], theta[first : first + 3])
+        else:
+            turn = theta[first + 3 : first + 6]
+            _log_quaternion(q[at + 3 : at + 7], turn)
+            a, b, c = turn[0], turn[1], turn[2]
+            x, y, z = q[at], q[at + 1], q[at + 2]
+            u, v, w = b * z - c * y, c * x - a * z, a * y - b * x
+            # J⁻¹ of the rotation's left Jacobian: 1 - [ω]/2 + (1 - θ/2 cot θ/2) / θ² [ω]².
+            square = a * a + b * b + c * c
+            twice = 0.0
+            if square > 0.0:
+                twice = (1.0 - _half_cotangent(0.5 * math.sqrt(square))) / square
+            theta[first] = x - 0.5 * u + twice * (b * w - c * v)
+            theta[first + 1] = y - 0.5 * v + twice * (c * u - a * w)
+            theta[first + 2] = z - 0.5 * w + twice * (a * v - b * u)
+
+
+@inner
+def _half_cotangent(half: float) -> float:
+    """Return x cot x."""
+    return half / math.tan(half) if half != 0.0 else 1.0
+
+
+@inner
+def _log_quaternion(quaternion: Array, turn: Array) -> None:
+    """Fill ``turn`` (3,) with a rotation vector, rad; of the two with the smaller angle."""
+    x, y, z, w = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
+    sine = math.sqrt(x * x + y * y + z * z)
+    if sine == 0.0:
+        turn[:] = 0.0
+        return
+    ratio = 2.0 * (math.atan2(sine, w) if w >= 0.0 else -math.atan2(sine, -w)) / sine
+    turn[0], turn[1], turn[2] = ratio * x, ratio * y, ratio * z
 
 
 @inner
