@@ -89,16 +89,22 @@ def feel_state(
     constants: Array,
     packed: Array,
     data: SessionData,
+    metrics: Array,
     contact_numbers: Array,
     contact_values: Array,
     clock: Array,
+    felt: Array,
 ) -> bool:
-    """Fill F_c of the contacts at the state reached; return whether the point could be analysed.
+    """Fill F_c (6 points,) of the contacts at the state reached, N and N m, at each point in turn.
 
-    It is where something touches that the point is analysed here, for F_c alone.
+    Where something touches the points are analysed here, for F_c alone. Returns whether they could
+    be.
     """
     contacts, terms = Contacts(contact_numbers, contact_values), packed[clock[AT]]
-    if not is_zero(contacts.joint_force):
+    felt[:] = 0.0
+    if is_zero(contacts.joint_force):
+        return True
+    for point in range(metrics.shape[0]):
         code = observe_point(
             numbers,
             constants,
@@ -106,8 +112,8 @@ def feel_state(
             clock[KNOWN],
             data.q,
             data.v,
-            data.index,
-            data.metric,
+            point,
+            metrics[point],
             data.rows,
             data.times.length,
             0.0,
@@ -117,13 +123,14 @@ def feel_state(
         )
         if code != 0:
             return False
-    feel_contacts(numbers, constants, data, terms, contacts)
+        feel_contacts(numbers, constants, data, terms, contacts)
+        put(felt[6 * point : 6 * point + 6], data.contact)
     return True
 
 
 @kernel(
     "int64(MechanismLink, SubscribedTopic, PublishedTopic, int64[::1], float64[:, ::1],"
-    " int64[::1], float64[::1], float64[:, ::1], float64[::1], SessionData,"
+    " int64[::1], float64[::1], float64[:, ::1], float64[::1], SessionData, float64[:, ::1],"
     " int64[::1], float64[::1], int64[::1], int64[::1])",
     waits=True,
 )
@@ -138,6 +145,7 @@ def move_at_deadlines(
     packed: Array,
     work: Array,
     data: SessionData,
+    metrics: Array,
     contact_numbers: Array,
     contact_values: Array,
     clock: Array,
@@ -156,6 +164,8 @@ def move_at_deadlines(
         packed: (4, size) as for ``run_ticks``.
         work: (work,) as for ``run_ticks``.
         data: session data with the mechanism's state; changed.
+        metrics: (points, numbers) of each operational point, in a scene with contacts, the
+            ``constants`` of ``observe_point``.
         contact_numbers: (integers,) as for ``run_ticks``.
         contact_values: (numbers,) as for ``run_ticks``.
         clock: (9,) as for ``run_ticks``.
@@ -205,11 +215,19 @@ def move_at_deadlines(
         coordinates_of(Model(numbers, constants), data.q, out[link.position : link.position + nv])
         put(out[link.velocity : link.velocity + nv], data.v)
         if contact_numbers.size > 0:
-            if not feel_state(
-                numbers, constants, packed, data, contact_numbers, contact_values, clock
-            ):
+            analysed = feel_state(
+                numbers,
+                constants,
+                packed,
+                data,
+                metrics,
+                contact_numbers,
+                contact_values,
+                clock,
+                out[link.contact : link.contact + 6 * metrics.shape[0]],
+            )
+            if not analysed:
                 return TO_SAY
-            put(out[link.contact : link.contact + 6], data.contact)
         out[link.commanded] = 1.0 if stamp - link.received <= link.timeout else 0.0
         if sound_stamp(out, state.most, -1, 0.0) == UNSOUND:
             return TO_SAY

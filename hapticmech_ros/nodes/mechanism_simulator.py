@@ -43,6 +43,7 @@ from hapticmech_ros.nodes.timeouts import MECHANISM_COMMAND, timeout_of
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.operational.analysis import Analyser, ContactWrenches, by_others
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import OperationalPoint
 from hapticmech_ros.session.sample import begin_totals, state_of
 from hapticmech_ros.session.tick_kernels import (
@@ -110,11 +111,11 @@ class MechanismTicks(PlainMessages):
             "totals": SessionTotals().values,
         }
         self._contacts = actor.simulator.contact_memory()
+        self._metrics = np.zeros((0, 0))
         if self._contacts is not None:
             analyser = Analyser(mechanism, port.name)
             parts |= {
                 "rows": analyser.rows,
-                "metric": analyser.constants,
                 "observation": np.zeros(analyser.observation_size),
                 "before": np.zeros(1 + mechanism.nv),
                 "contact": np.zeros(6),
@@ -124,8 +125,9 @@ class MechanismTicks(PlainMessages):
         self._packed = np.zeros((4, 0))
         self._clock = np.zeros(CLOCK_SIZE, dtype=np.int64)
         self._known: MechanismState | None = None
-        self._scene = actor.simulator.scene
+        self._scene: Scene | None = None
         self._closed, self._grasp = layout.at["closed"], layout.at["grasp"]
+        self._felt = layout.at["contact"]
         link.fill(**{part: layout.at[part].start for part in ("position", "velocity")})
         link.contact = layout.at["contact"].start
         link.commanded = layout.at["commanded"].start + index
@@ -146,10 +148,13 @@ class MechanismTicks(PlainMessages):
         link.until_view = actor.until_view
         state, simulator, scene = actor.state, actor.simulator, actor.simulator.scene
         # The kernel's terms depend on the operational point's place; moving that makes a new scene.
-        if state is not self._known or scene is not self._scene:
-            if scene is not self._scene and self._contacts is not None:
-                self._data.metric[:] = Analyser(simulator.mechanism, port.name).constants
-            self._scene = scene
+        if scene is not self._scene:
+            self._scene, self._known = scene, None
+            if self._contacts is not None:
+                names = simulator.mechanism.point_names
+                every = [Analyser(simulator.mechanism, name).constants for name in names]
+                self._metrics = np.array(every)
+        if state is not self._known:
             self._load(state)
         self._out[self._grasp] = actor.places
         return True
@@ -193,6 +198,7 @@ class MechanismTicks(PlainMessages):
             self._packed,
             simulator.stepper.work,
             data,
+            self._metrics,
             *contacts,
             self._clock,
             self.ages,
@@ -217,11 +223,8 @@ class MechanismTicks(PlainMessages):
 
     def view(self) -> Callable[[], None]:
         """Return a function that publishes the views of the kernel's state."""
-        stamp_ns, external = self.link.next - self.link.period, self._simulator.calm
-        if self._contacts is not None:
-            # Of the only operational point.
-            external = self._data.contact[np.newaxis].copy()
-        return self._simulator.prepare_view(self._state, external, stamp_ns)
+        stamp_ns, felt = self.link.next - self.link.period, self._out[self._felt]
+        return self._simulator.prepare_view(self._state, felt.reshape(-1, 6).copy(), stamp_ns)
 
 
 class MechanismSimulator(ClockedActor[MechanismParameters]):
@@ -295,10 +298,8 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             at_zero=self._rest,
         )
         offer_closures(self, self._closures, self._switch)
-        # Contacts are felt at each of several operational points.
-        spread = bool(self.scene.contacts) and len(names) > 1
         # If a kernel can step this mechanism without Python.
-        if len(held) == 1 and not (spread or parameters.require_external_wrench):
+        if len(held) == 1 and not parameters.require_external_wrench:
             self._plain = MechanismTicks(self, self._layout, self._publish_wire)
 
     def apply_parameters(self, parameters: MechanismParameters) -> None:

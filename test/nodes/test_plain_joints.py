@@ -52,12 +52,13 @@ contacts:
   - {name: on_ground, a: round, b: ground, stiffness: 5.0e+3, damping: 20.0, friction: 0.3}
 operational_points:
   - {name: handle, link: ball, origin: {xyz: [0.0, 0.03, 0.0]}, metric: {mass: 0.3, length: 0.03}}
+  - {name: side, link: ball, origin: {xyz: [0.02, 0.0, 0.0]}, metric: {mass: 0.3, length: 0.03}}
 initial_state:
   q: {slide: [0.0, 0.021, 1.0, 0.0]}
 simulation: {period: 0.001}
 hand: {kind: spring_damper, stiffness: 300.0, damping: 5.0, waypoints: [{time: 0.0}]}
 """
-# A planar joint with a contact, and free bodies in loops.
+# A planar joint with a contact and two operational points, and free bodies in loops.
 PUSHES = {
     "ball": (0.4, -3.0, 0.0, 0.0, 0.0, 0.0),
     "shared_payload": (2.0, 1.0, 3.0, 0.0, 0.0, 0.0),
@@ -72,8 +73,7 @@ def test_joints_that_are_poses_and_contacts_move_as_the_simulator_does(
     if scene == "ball":
         (folder / "ball.yaml").write_text(BALL)
     file = str(folder / "ball.yaml") if scene == "ball" else scene
-    (point,) = load_scene(file).operational_points
-    commands = COMMANDS.replace("handle", point.name)
+    commands = COMMANDS.replace("handle", load_scene(file).held_points[0])
     process = Process(MechanismSimulator, file, folder, (STATES, commands))
     actor, push = process.actor, np.array(PUSHES[scene])
     actor.port.set_timeout(10_000 * MS)
@@ -98,9 +98,11 @@ def test_joints_that_are_poses_and_contacts_move_as_the_simulator_does(
     simulator = Simulator(actor.scene)
     mechanism = simulator.mechanism
     layout, felt = StateLayout(mechanism), ContactWrenches(mechanism)
-    states = [start]
+    states, nobody = [start], np.zeros((len(mechanism.point_names), 6))
+    wrenches = nobody.copy()
+    wrenches[0] = push
     for _ in range(steps):
-        states.append(simulator.step(states[-1], push[None]))
+        states.append(simulator.step(states[-1], wrenches))
     assert actor.state.q == pytest.approx(states[-1].q, abs=1e-9)
     assert actor.state.account.work_in == pytest.approx(states[-1].account.work_in, rel=1e-6)
     touching = [state for state in by_kernel if state.touching and state.touching.pairs.size]
@@ -112,9 +114,10 @@ def test_joints_that_are_poses_and_contacts_move_as_the_simulator_does(
         found = np.array([*values[layout.at["position"]], *values[layout.at["velocity"]]])
         nearest = int(np.abs(numbers - found).max(axis=1).argmin())
         assert found == pytest.approx(numbers[nearest], abs=1e-8)
-        state, force = states[nearest], np.zeros((1, 6))
+        state, force = states[nearest], nobody
         if state.touching is not None and state.touching.joint_force.any():
-            force = felt.at(simulator.evaluate(state), state.touching.joint_force[None])
+            joint_forces = np.tile(state.touching.joint_force, (len(nobody), 1))
+            force = felt.at(simulator.evaluate(state), joint_forces)
             touched += 1
         assert layout.unpack(values).contacts == pytest.approx(force, rel=1e-6, abs=1e-6)
     assert (touched > 20) == bool(actor.scene.contacts)
