@@ -8,8 +8,10 @@ from hapticmech_ros.compilation import inner, kernel, local_whole, put
 from hapticmech_ros.compilation.records import Whole
 from hapticmech_ros.contact.layout import Contacts
 from hapticmech_ros.control.loop_layout import ActingWrenches
+from hapticmech_ros.mechanism.kernels.closure_kernels import end_of_rows
+from hapticmech_ros.mechanism.kernels.factor_kernels import locate
 from hapticmech_ros.mechanism.kernels.manifold_kernels import coordinates_of
-from hapticmech_ros.mechanism.kernels.model import Model
+from hapticmech_ros.mechanism.kernels.model import Data, Model
 from hapticmech_ros.nodes.lane_kernels import (
     GOES_ON,
     MONOTONIC,
@@ -128,10 +130,28 @@ def feel_state(
     return True
 
 
+@inner
+def near_latch(numbers: Array, values: Array, packed: Array, reaches: Array, q: Array) -> bool:
+    """Return whether a loop that is open is within reach, where it may latch; q is (nq,)."""
+    if reaches.size == 0:
+        return False
+    model, data = Model(numbers, values), Data(numbers, packed)
+    locate(model, q, data)
+    closures, residual = model.closures, data.residual
+    for index in range(reaches.size):
+        square = 0.0
+        for row in range(closures[index, 3], end_of_rows(closures, index, model.m)):
+            square += residual[row] * residual[row]
+        if square < reaches[index] * reaches[index]:
+            return True
+    return False
+
+
 @kernel(
     "int64(MechanismLink, SubscribedTopic, PublishedTopic, int64[::1], float64[:, ::1],"
     " int64[::1], float64[::1], float64[:, ::1], float64[::1], SessionData, float64[:, ::1],"
-    " int64[::1], float64[::1], int64[::1], int64[::1])",
+    " int64[::1], float64[::1], int64[::1], float64[::1], float64[::1], float64[::1], int64[::1],"
+    " int64[::1])",
     waits=True,
 )
 def move_at_deadlines(
@@ -148,6 +168,10 @@ def move_at_deadlines(
     metrics: Array,
     contact_numbers: Array,
     contact_values: Array,
+    latch_numbers: Array,
+    latch_values: Array,
+    latch_packed: Array,
+    reaches: Array,
     clock: Array,
     ages: Array,
 ) -> int:
@@ -168,13 +192,18 @@ def move_at_deadlines(
             ``constants`` of ``observe_point``.
         contact_numbers: (integers,) as for ``run_ticks``.
         contact_values: (numbers,) as for ``run_ticks``.
+        latch_numbers: (integers,) constants of the mechanism with the loops that are open and may
+            latch, as ``numbers``.
+        latch_values: (numbers,) the others.
+        latch_packed: (size,) to work in.
+        reaches: (loops,) within which each may latch, m and rad.
         clock: (9,) as for ``run_ticks``.
         ages: (n,) to fill: ages of the commands when they arrived, ns.
 
     Returns:
         Why it returns, see ``lane_kernels``.
     """
-    words, out, nv = local_whole(WORDS), state.values, data.v.size
+    words, out, nv, near = local_whole(WORDS), state.values, data.v.size, False
     while link.reads < ages.size:
         now = time_of(MONOTONIC, words)
         if now < link.next - link.ahead:
@@ -208,9 +237,14 @@ def move_at_deadlines(
             )
             if not moved:
                 return TO_ACT
+            near = near_latch(latch_numbers, latch_values, latch_packed, reaches, data.q)
             if i < missed:
                 made_up(link)
+                if near:
+                    return TO_ACT
         stamp = stepped(link, commands)
+        if near:
+            return TO_SAY
         out[0], out[1] = stamp // SECOND, stamp % SECOND
         coordinates_of(Model(numbers, constants), data.q, out[link.position : link.position + nv])
         put(out[link.velocity : link.velocity + nv], data.v)

@@ -111,7 +111,7 @@ class MechanismTicks(PlainMessages):
             "totals": SessionTotals().values,
         }
         self._contacts = actor.simulator.contact_memory()
-        self._metrics = np.zeros((0, 0))
+        self._metrics, self._latches = np.zeros((0, 0)), actor.simulator.latches(actor.state)
         if self._contacts is not None:
             analyser = Analyser(mechanism, port.name)
             parts |= {
@@ -165,6 +165,7 @@ class MechanismTicks(PlainMessages):
         active_set = simulator.mechanism.active_set(state.active)
         if self._packed.shape[1] != active_set.size:
             self._packed = np.zeros((4, active_set.size))
+        self._latches = simulator.latches(state)
         data.q[:], data.v[:] = state.q, state.v
         begin_totals(data.totals, state)
         if self._contacts is not None:
@@ -200,6 +201,7 @@ class MechanismTicks(PlainMessages):
             data,
             self._metrics,
             *contacts,
+            *self._latches,
             self._clock,
             self.ages,
         )
@@ -361,8 +363,12 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         commanded = any(port.command.stands(now) for port in self._ports if port is not own)
         pushed = self._external is not self.calm or self._on_links or self._is_pushed
         waits = self.backlog.owed or self._last_valid.resting or self._operating.withheld
-        changed = self.state.active != self._announced
-        return not (commanded or pushed or waits or changed or self.simulator.may_latch(self.state))
+        state = self.state
+        # One that was opened does not latch again before it has left its reach.
+        changed = state.active != self._announced or (
+            state.released and self.simulator.may_latch(state)
+        )
+        return not (commanded or pushed or waits or changed)
 
     @property
     def _is_pushed(self) -> bool:
@@ -391,10 +397,14 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._sampled_ns = self.clock.last_deadline_ns
         self._commands[self._held[0]] = self.port.command.at(self._sampled_ns)
         self._ticks += link.done - link.missed - (not published)
+        if self.simulator.may_latch(state):
+            self.failures.run("tick", self._latch)
+        if self._last_valid.resting:
+            return
         if not published:
             self.failures.run("tick", self._publish, self._sampled_ns)
             return
-        self._last_valid.keep(state, link.done)
+        self._last_valid.keep(self.state, link.done)
 
     def deactivate(self) -> None:
         """Bring the mechanism to rest; on activation it continues from this position."""
@@ -540,6 +550,9 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         wrenches, before = self._commands + self._external, self.state.account.inaccurate
         self.state = self.simulator.step(self.state, wrenches, self._on_links)
         self._note_inaccurate(before)
+
+    def _latch(self) -> None:
+        self.state = self.simulator.latch(self.state)
 
     def _note_inaccurate(self, before: int) -> None:
         """Log inaccurate steps if there are more than ``before``, at most once per second."""

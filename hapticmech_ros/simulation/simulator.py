@@ -196,6 +196,24 @@ class Simulator:
         """Return whether a closure is open that may latch by itself."""
         return not all(state.active[index] for index in self._reaches)
 
+    def latches(self, state: MechanismState) -> tuple[Array, Array, Array, Array]:
+        """Return what a kernel needs to find whether a loop that is open is within reach.
+
+        Args:
+            state: of the mechanism.
+
+        Returns:
+            Constants of the mechanism with the loops that are open and may latch, (integers,) and
+            (numbers,), room for its terms (size,), and the loops' reaches (loops,), m and rad; all
+            empty without such loops.
+        """
+        loops = [index for index in self._reaches if not state.active[index]]
+        if not loops:
+            return np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), np.zeros(0)
+        found = self.mechanism.active_set(tuple(i in loops for i in range(len(state.active))))
+        reaches = np.array([self._reaches[index] for index in loops])
+        return (*found.constants, np.zeros(found.size), reaches)
+
     def contact_memory(self) -> ContactMemory | None:
         """Return the scene's contacts as arrays for kernels, made anew; None without contacts."""
         if self._contacts is None:
