@@ -56,24 +56,6 @@ def device_presets() -> Mapping[str, DevicePreset]:
     return MappingProxyType(found)
 
 
-def with_preset(given: object) -> object:
-    """Return a scene's ``device``, with the preset's figures for keys that it leaves out.
-
-    ``workspace`` and ``compensation`` are merged key by key too. An unknown preset adds nothing.
-    """
-    if not isinstance(given, Mapping) or not isinstance(given.get("preset"), str):
-        return given
-    preset = device_presets().get(given["preset"])
-    if preset is None:
-        return given
-    joined = {**preset.device, **given}
-    for key, value in preset.device.items():
-        own = given.get(key)
-        if isinstance(value, Mapping) and isinstance(own, Mapping):
-            joined[key] = {**value, **own}
-    return joined
-
-
 ForceSensor = Literal["measured", "estimated", "absent"]
 
 
@@ -256,7 +238,21 @@ class Device(Part):
     @model_validator(mode="before")
     @classmethod
     def _from_preset(cls, given: object) -> object:
-        return with_preset(given)
+        """Add the preset's figures for keys that are left out.
+
+        ``workspace`` and ``compensation`` are merged key by key too. An unknown preset adds none.
+        """
+        if not isinstance(given, Mapping) or not isinstance(given.get("preset"), str):
+            return given
+        preset = device_presets().get(given["preset"])
+        if preset is None:
+            return given
+        joined = {**preset.device, **given}
+        for key, value in preset.device.items():
+            own = given.get(key)
+            if isinstance(value, Mapping) and isinstance(own, Mapping):
+                joined[key] = {**value, **own}
+        return joined
 
     @field_validator("preset")
     @classmethod

@@ -99,15 +99,6 @@ ARM_IMPEDANCES: dict[str, dict[str, float]] = {
 }
 
 
-def with_impedance(given: object) -> object:
-    """Return a scene's arm, with a measured arm's figures for keys that it leaves out."""
-    if not isinstance(given, Mapping):
-        return given
-    named = given.get("impedance", "relaxed")
-    found = ARM_IMPEDANCES.get(named) if isinstance(named, str) else None
-    return given if found is None else {**found, **given}
-
-
 class Tremor(Part):
     """Sinusoidal motion or push of a hand, from zero at its start.
 
@@ -256,7 +247,12 @@ class ArmHand(TargetHand):
     @model_validator(mode="before")
     @classmethod
     def _from_impedance(cls, given: object) -> object:
-        return with_impedance(given)
+        """Add a measured arm's figures for keys that are left out."""
+        if not isinstance(given, Mapping):
+            return given
+        named = given.get("impedance", "relaxed")
+        found = ARM_IMPEDANCES.get(named) if isinstance(named, str) else None
+        return given if found is None else {**found, **given}
 
     @model_validator(mode="after")
     def _moves_by_itself(self) -> ArmHand:
