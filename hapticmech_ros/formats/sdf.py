@@ -23,6 +23,7 @@ from hapticmech_ros.formats.model import (
     ROTOR,
     ROTOR_ELSEWHERE,
     SENSED,
+    UNKNOWN,
     WHY_ELSEWHERE,
     WORLD,
     Body,
@@ -71,7 +72,6 @@ WHY = {
     "limit effort": "joints have no motors: only the hand and the scene move them",
     "limit velocity": "joints have no motors: only the hand and the scene move them",
 }
-UNKNOWN = "not of a mechanism, or not known"
 FLAGS = {"true": True, "1": True, "false": False, "0": False}
 # m per turn, right-handed; and its older form, rad/m, left-handed.
 PITCH, OLD_PITCH = "screw_thread_pitch", "thread_pitch"
@@ -383,14 +383,12 @@ class _Reader:
         written = axis.first("xyz")
         if written is None:
             return np.array((0.0, 0.0, 1.0))
-        vector = np.array(self.source.numbers(written, written.text, 3, "an axis"))
-        size = float(np.linalg.norm(vector))
-        if not size > 0.0:
-            raise self.source.error(written, vector.tolist(), "an axis must not be zero")
+        along = self.source.numbers(written, written.text, 3, "an axis")
+        vector = self.source.unit(written, along, "an axis")
         frame = written.attributes.get("expressed_in", "") or self._axes_of(axis, joint)
         if frame:
             vector = place.rotation.T @ self.frames.pose(frame, written).rotation @ vector
-        return np.asarray(vector / size)
+        return vector
 
     def _axes_of(self, axis: Node, joint: Node) -> str:
         """Return the frame of an axis that names none; empty if it is its joint's."""
@@ -521,8 +519,4 @@ def _shape_of(
 
 def _above(source: Source, shape: Node) -> pin.SE3:
     """Return a frame whose z axis is a plane's normal."""
-    normal = np.array(source.inside(shape, "normal", (0.0, 0.0, 1.0)))
-    size = float(np.linalg.norm(normal))
-    if not size > 0.0:
-        raise source.error(shape, normal.tolist(), "a normal must not be zero")
-    return from_z(normal / size)
+    return from_z(source.unit(shape, source.inside(shape, "normal", (0.0, 0.0, 1.0)), "a normal"))

@@ -150,7 +150,11 @@ def with_shapes(document: Document, imported: Imported, source: str) -> Document
     own, written = _own(document), document.get("shapes", [])
     names = _by_either_name(imported)
     problems = [
-        SceneProblem(f"contacts[{index}].{side}", name, _unknown(own, imported))
+        SceneProblem(
+            f"contacts[{index}].{side}",
+            name,
+            f"unknown shape: the scene file has {_shown(own)}, the model {_shown(imported.shapes)}",
+        )
         for index, side, name in _ends(contacts)
         if name not in own and name not in names
     ]
@@ -273,10 +277,6 @@ def document_of_shape(name: str, solid: Solid, imported: Imported) -> Document:
     place, geometry = solid.read()
     link, own = imported.places.get(solid.body, ("world", pin.SE3.Identity()))
     return {"name": name, "link": link, "origin": origin_of(own * place), "geometry": geometry}
-
-
-def _unknown(own: Collection[str], imported: Imported) -> str:
-    return f"unknown shape: the scene file has {_shown(own)}, the model {_shown(imported.shapes)}"
 
 
 def _shown(names: Collection[str]) -> str:

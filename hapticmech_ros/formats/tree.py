@@ -343,7 +343,7 @@ class _Builder:
         keys |= {"ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
         return {
             "mass": float(body.mass),
-            "com": _floats(place.act(body.com)),
+            "com": place.act(body.com).tolist(),
             "inertia": {key: float(inertia[at]) for key, at in keys.items()},
         }
 
@@ -441,7 +441,7 @@ class _Builder:
 def _joint(hinge: Joint, name: str, origin: pin.SE3) -> Document:
     found: Document = {"name": name, "type": hinge.type, "origin": origin_of(origin)}
     if hinge.type in ("revolute", "prismatic"):
-        found["axis"] = _floats(hinge.axis)
+        found["axis"] = hinge.axis.tolist()
     values: Mapping[str, Any] = {
         "damping": hinge.damping,
         "armature": hinge.armature,
@@ -474,7 +474,3 @@ def _acts(hinge: Joint) -> bool:
     """Return whether anything acts in a joint."""
     acting = hinge.damping or hinge.friction or hinge.stiffness or hinge.armature or hinge.limits
     return bool(acting)
-
-
-def _floats(values: Sequence[float] | np.ndarray) -> list[float]:
-    return [float(value) for value in values]

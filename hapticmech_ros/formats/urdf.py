@@ -27,6 +27,7 @@ from hapticmech_ros.formats.model import (
     ROTOR,
     ROTOR_ELSEWHERE,
     SENSED,
+    UNKNOWN,
     WHY_ELSEWHERE,
     WORLD,
     Body,
@@ -236,7 +237,6 @@ WHY = {
     **loops.WHY,
 }
 LINK_KNOWN = {"inertial", "collision"}
-UNKNOWN = "not of a mechanism, or not known"
 FIRST_NUMBERS = (1.0, 0.0, 0.0)
 # Limits are often written as the largest number there is.
 ANY = math.inf
@@ -283,7 +283,12 @@ def read_urdf(source: Source) -> Model:
             if name not in bodies and name != WORLD:
                 rule = f"joint {hinge.name!r} needs this link{nearest(name, bodies)}"
                 raise source.error(joints[hinge.name], name, rule)
-    points = _frames(source, others, bodies)
+    # Drake's frames, fixed in links.
+    points = [
+        Point(_name(node), node.attributes["link"], placement_in(source, node))
+        for node in others
+        if node.tag == "frame" and _name(node) and node.attributes.get("link") in bodies
+    ]
     loop_joints = [ball_constraint(source, node, bodies) for node in others if node.tag == BALL]
     gazebo = GazeboTags(_with_rotors(source, hinges, notes), bodies)
     gazebo.read(source, tags, joints, notes)
@@ -309,15 +314,6 @@ def read_urdf(source: Source) -> Model:
         },
         visuals=visuals,
     )
-
-
-def _frames(source: Source, nodes: Sequence[Node], bodies: Mapping[str, Body]) -> list[Point]:
-    """Return Drake's frames, fixed in links."""
-    return [
-        Point(_name(node), node.attributes["link"], placement_in(source, node))
-        for node in nodes
-        if node.tag == "frame" and _name(node) and node.attributes.get("link") in bodies
-    ]
 
 
 def _name(node: Node) -> str:
@@ -399,11 +395,7 @@ def _link_of(source: Source, node: Node, end: str) -> str:
 
 def _axis(source: Source, node: Node) -> np.ndarray:
     written = node.first("axis")
-    axis = np.array(source.values(written, "xyz", FIRST_NUMBERS))
-    size = float(np.linalg.norm(axis))
-    if not size > 0.0:
-        raise source.error(written, axis.tolist(), "an axis must not be zero")
-    return np.asarray(axis / size)
+    return source.unit(written, source.values(written, "xyz", FIRST_NUMBERS), "an axis")
 
 
 def _limits(

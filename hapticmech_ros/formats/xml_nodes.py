@@ -14,8 +14,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
 
+import numpy as np
+
 from hapticmech_ros.errors import FileError, SceneError, scene_error
 from hapticmech_ros.files import read_file
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene.part import LARGEST
 
 FILE_SIZE_LIMIT = 8_000_000
@@ -69,14 +72,6 @@ class Node:
             pending += reversed(node.children)
 
 
-@dataclass(slots=True)
-class _Sizes:
-    """Of a file and those that it includes."""
-
-    bytes: int = 0
-    nodes: int = 0
-
-
 class Source:
     """An XML file, and the errors that name it.
 
@@ -96,7 +91,9 @@ class Source:
     def __init__(self, path: Path, within: Source | None = None, depth: int = 0) -> None:
         self.path = path
         self._depth, self._file = depth, None if within is None else path
-        self._sizes: _Sizes = _Sizes() if within is None else within._sizes
+        # Its limits are for it and all files that it includes.
+        self._outermost: Source = self if within is None else within._outermost
+        self._bytes = self._elements = 0
         try:
             self.root = self._nodes(self._read())
         except FileError as error:
@@ -193,12 +190,20 @@ class Source:
             return tuple(default)
         return self.numbers(found, found.text, len(default), tag, largest)
 
+    def unit(self, node: Node | None, vector: Sequence[float], what: str) -> Array:
+        """Return a vector (3,) with a length of 1; a zero one is refused."""
+        found = np.array(vector)
+        size = float(np.linalg.norm(found))
+        if not size > 0.0:
+            raise self.error(node, found.tolist(), f"{what} must not be zero")
+        return np.asarray(found / size)
+
     def _read(self) -> bytes:
         found = read_file(self.path, FILE_SIZE_LIMIT)
-        self._sizes.bytes += len(found)
-        if self._sizes.bytes > FILE_SIZE_LIMIT:
+        self._outermost._bytes += len(found)
+        if self._outermost._bytes > FILE_SIZE_LIMIT:
             rule = f"at most {FILE_SIZE_LIMIT} bytes, included files counted"
-            raise self.error(None, self._sizes.bytes, rule)
+            raise self.error(None, self._outermost._bytes, rule)
         return found
 
     def _nodes(self, data: bytes) -> Node:
@@ -207,19 +212,20 @@ class Source:
         Raises:
             FileError: not XML, too large or too deep; entities are refused.
         """
-        file, sizes = str(self.path), self._sizes
+        file, outermost = str(self.path), self._outermost
         above, texts = [Node("", {}, 0)], [[""]]
         # As text in which a character is a byte, whatever the file's encoding is.
         text, encoding = _as_parsers_take_it(data.decode("latin-1"))
         parser = expat.ParserCreate(encoding)
 
         def start(tag: str, attributes: dict[str, str]) -> None:
-            sizes.nodes += 1
+            outermost._elements += 1
             line = parser.CurrentLineNumber
             deep = len(above) + self._depth
             where = f"line {line}, <{tag}>"
-            if sizes.nodes > NODE_LIMIT:
-                raise FileError(file, sizes.nodes, f"at most {NODE_LIMIT} elements", where)
+            if outermost._elements > NODE_LIMIT:
+                rule = f"at most {NODE_LIMIT} elements"
+                raise FileError(file, outermost._elements, rule, where)
             if deep > DEPTH_LIMIT:
                 raise FileError(file, deep, f"at most {DEPTH_LIMIT} elements in each other", where)
             if len(attributes) > ATTRIBUTE_LIMIT:
