@@ -256,7 +256,19 @@ def bag_information(
         "duration": _duration(start, end),
         "starting_time": {"nanoseconds_since_epoch": start},
         "message_count": sum(file.count for file in files),
-        "topics_with_message_count": [_topic(topic) for topic in topics],
+        "topics_with_message_count": [
+            {
+                "topic_metadata": {
+                    "name": topic.name,
+                    "type": topic.type,
+                    "serialization_format": "cdr",
+                    "offered_qos_profiles": offers_as_data(topic.offered),
+                    "type_description_hash": topic.type_hash,
+                },
+                "message_count": topic.count,
+            }
+            for topic in topics
+        ],
         "compression_format": "",
         "compression_mode": "",
         "relative_file_paths": [file.name for file in files],
@@ -394,16 +406,3 @@ def as_yaml(value: object) -> str:
 
 def _duration(start_ns: int, end_ns: int) -> dict[str, int]:
     return {"nanoseconds": max(0, end_ns - start_ns)}
-
-
-def _topic(topic: StoredTopic) -> dict[str, Any]:
-    return {
-        "topic_metadata": {
-            "name": topic.name,
-            "type": topic.type,
-            "serialization_format": "cdr",
-            "offered_qos_profiles": offers_as_data(topic.offered),
-            "type_description_hash": topic.type_hash,
-        },
-        "message_count": topic.count,
-    }

@@ -50,20 +50,6 @@ _LABEL = b"stamp:2,"
 _HEADER = 4
 
 
-def stamp_reader(msgtype: str, first_type: str) -> Callable[[bytes], int | None] | None:
-    """Return a reader of stamps (ns) from messages of a type, or None if it has none.
-
-    The reader returns None for a message that is too short, or an array without a stamp.
-
-    Args:
-        msgtype: such as ``geometry_msgs/msg/PoseStamped``.
-        first_type: message type of its first field; empty if that is a plain value.
-    """
-    if first_type in _FIRST:
-        return _leading
-    return _labelled if msgtype == ARRAY else None
-
-
 def flat_fields(label: str) -> dict[str, int]:
     """Return names and sizes of a label ``name:size,name:size``; empty if it is another label."""
     found: dict[str, int] = {}
@@ -259,6 +245,8 @@ class BagReader:
     def stamps_of(self, name: str) -> Callable[[bytes], int | None] | None:
         """Return a reader of a topic's stamps (ns) from bytes; None for a type without stamps.
 
+        The reader returns None for a message that is too short, or an array without a stamp.
+
         Raises:
             BagError: topic not in the bag.
         """
@@ -267,7 +255,9 @@ class BagReader:
         msgtype = self.topics[name].type
         _, fields = self._types.fielddefs.get(msgtype, ((), ()))
         kind, detail = fields[0][1] if fields else (None, "")
-        return stamp_reader(msgtype, str(detail) if kind == Nodetype.NAME else "")
+        if kind == Nodetype.NAME and str(detail) in _FIRST:
+            return _leading
+        return _labelled if msgtype == ARRAY else None
 
     def _check_folder(self) -> None:
         stored = any(file.suffix in (*SUFFIXES, COMPRESSED) for file in self.path.iterdir())
