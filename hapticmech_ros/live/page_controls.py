@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import viser
 import viser.uplot
+from matplotlib.colors import to_hex
 
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.live.commands import (
@@ -178,12 +179,7 @@ def _cell(content: str, text: str = "", columns: int = 1) -> str:
 
 def _swatch(hue: Colour) -> str:
     """Return a square of a user's hue."""
-    return f'<span style="color:{css(hue)}">■</span> '
-
-
-def css(colour: Colour) -> str:
-    """Return a colour as CSS has it, opaque."""
-    return "#" + "".join(f"{round(255 * part):02x}" for part in colour[:3])
+    return f'<span style="color:{to_hex(hue)}">■</span> '
 
 
 # How long plots look back, s, and how often a value is kept.
