@@ -17,7 +17,16 @@ from pydantic import Field, field_validator, model_validator
 
 from hapticmech_ros.files import shared
 from hapticmech_ros.files.yaml_text import read_yaml
-from hapticmech_ros.scene.part import Flag, Name, NonNegative, Part, Positive, Real, Vector3
+from hapticmech_ros.scene.part import (
+    AsAngle,
+    Flag,
+    Name,
+    NonNegative,
+    Part,
+    Positive,
+    Real,
+    Vector3,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +83,7 @@ class Workspace(Part):
     """
 
     radius: NonNegative = 0.0
-    angle: Annotated[NonNegative, Field(le=3.0)] = 0.0
+    angle: Annotated[NonNegative, Field(le=3.0), AsAngle] = 0.0
     stiffness: Positive = 20000.0
     damping: NonNegative = 50.0
     angular_stiffness: Positive = 20.0

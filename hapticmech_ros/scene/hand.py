@@ -21,7 +21,7 @@ from pydantic import Field, model_validator
 
 from hapticmech_ros.errors import FileError, InvalidInputError
 from hapticmech_ros.files import read_text
-from hapticmech_ros.scene.part import LARGEST, NonNegative, Part, Positive, Vector3
+from hapticmech_ros.scene.part import LARGEST, Angles3, NonNegative, Part, Positive, Vector3
 
 COLUMNS = ("time", "fx", "fy", "fz", "tx", "ty", "tz")
 FILE_SIZE_LIMIT = 16_000_000
@@ -114,7 +114,7 @@ class Tremor(Part):
     force: Vector3 = (0.0, 0.0, 0.0)
     torque: Vector3 = (0.0, 0.0, 0.0)
     xyz: Vector3 = (0.0, 0.0, 0.0)
-    rotation: Vector3 = (0.0, 0.0, 0.0)
+    rotation: Angles3 = (0.0, 0.0, 0.0)
 
 
 class AnyHand(Part):
@@ -176,7 +176,7 @@ class Waypoint(Part):
 
     time: NonNegative
     xyz: Vector3 = (0.0, 0.0, 0.0)
-    rotation: Vector3 = (0.0, 0.0, 0.0)
+    rotation: Angles3 = (0.0, 0.0, 0.0)
 
 
 class TargetHand(AnyHand):

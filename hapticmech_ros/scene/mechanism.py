@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 from pydantic import Field, StringConstraints
 
 from hapticmech_ros.scene.part import (
+    Angles3,
     Coordinates,
     Flag,
     Name,
@@ -91,7 +92,7 @@ class Origin(Part):
     """
 
     xyz: Vector3 = (0.0, 0.0, 0.0)
-    rpy: Vector3 = (0.0, 0.0, 0.0)
+    rpy: Angles3 = (0.0, 0.0, 0.0)
 
 
 class JointLimits(Part):
