@@ -20,7 +20,6 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
-from types import TracebackType
 from typing import Any, NamedTuple
 
 from rosbags.interfaces import MessageDefinitionFormat, Nodetype, Qos
@@ -42,6 +41,7 @@ from hapticmech_ros.bag.storage import (
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.files import exists
 from hapticmech_ros.numerics.times import NANOSECONDS
+from hapticmech_ros.system.closing import Closing
 
 ARRAY = "std_msgs/msg/Float64MultiArray"
 # Type of a first field that begins with a stamp.
@@ -168,7 +168,7 @@ class MissingMessagesError(BagError):
     """A bag has fewer readable messages than stated."""
 
 
-class BagReader:
+class BagReader(Closing["BagReader"]):
     """An open bag: a rosbag2 folder, or a single ``.mcap`` or ``.db3`` file.
 
     Use it as a context manager.
@@ -369,17 +369,6 @@ class BagReader:
     def close(self) -> None:
         """Close the bag; does nothing the second time."""
         self._stack.close()
-
-    def __enter__(self) -> BagReader:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def read_topic(path: str | os.PathLike[str], name: str) -> Iterator[tuple[int, Any]]:

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from types import MappingProxyType, TracebackType
+from types import MappingProxyType
 
 from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat, Qos
 from rosbags.typesys import Stores, TypesysError, get_typestore
@@ -31,6 +31,7 @@ from hapticmech_ros.bag.metadata import (
 from hapticmech_ros.bag.sqlite_file import SqliteFile
 from hapticmech_ros.bag.storage import Messages, StoredTopic
 from hapticmech_ros.errors import BagError
+from hapticmech_ros.system.closing import Closing
 
 # Messages older than this, by their times, are on disk if the writer is killed.
 FLUSH_NS = 500_000_000
@@ -39,7 +40,7 @@ STORAGE_FILES: dict[str, type[StorageFile]] = {"mcap": McapFile, "sqlite3": Sqli
 _FAILURES = (OSError, sqlite3.Error)
 
 
-class BagWriter:
+class BagWriter(Closing["BagWriter"]):
     """A rosbag2 folder being written; may be used from any thread.
 
     The bag is complete only after :meth:`close`. As a context manager it closes at the end, also
@@ -264,17 +265,6 @@ class BagWriter:
     def _information(self, finished: bool) -> dict[str, object]:
         topics = [replace(one, count=self._counts[name]) for name, one in self._topics.items()]
         return bag_information(self._storage, self._files, topics, finished)
-
-    def __enter__(self) -> BagWriter:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 @lru_cache(maxsize=256)
