@@ -38,9 +38,7 @@ if TYPE_CHECKING:
     from hapticmech_ros.graph.processes import AuxiliaryProcess, Graph
 from collections.abc import Iterator
 
-from rich.box import SIMPLE_HEAD
 from rich.markup import escape
-from rich.table import Table
 
 from hapticmech_ros.system.readiness import Report
 from hapticmech_ros.wire.topics import ANALYSER, CONTROLLER, REAL_DEVICES
@@ -72,10 +70,9 @@ def show_ends(reports: Reports, endings: Reports) -> None:
     """Print each node's last state, and its counts."""
     if not endings:
         return
-    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False, pad_edge=False)
-    for heading in ("node", "at the end", "Hz", "missed", "age p50 / p99, ms"):
-        left = heading in ("node", "at the end")
-        table.add_column(heading, justify="left" if left else "right", overflow="fold")
+    from hapticmech_ros.analysis.study import Sheet
+
+    rows = []
     for name, ending in sorted(endings.items()):
         # Nodes end one after the other: inputs that the last ones then miss are no fault.
         sentence = reports.get(name, ending).sentence
@@ -83,8 +80,9 @@ def show_ends(reports: Reports, endings: Reports) -> None:
         ages = [figures.get(f"message_age_{share}_us", "") for share in ("p50", "p99")]
         age = " / ".join(f"{float(us) / 1e3:.2f}" for us in ages) if all(ages) else "-"
         rate = figures.get("achieved_rate_hz", "-")
-        table.add_row(escape(name), escape(sentence), rate, _share(figures), age)
-    console.print(table)
+        rows.append((name, sentence, rate, _share(figures), age))
+    headings = ("node", "at the end", "Hz", "missed", "age p50 / p99, ms")
+    console.print(Sheet("", headings, tuple(rows), ("at the end",)))
     for name, ending in sorted(endings.items()):
         for note in _notes(ending):
             console.print(f"{name}: {note}", highlight=False, markup=False, soft_wrap=True)

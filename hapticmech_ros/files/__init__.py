@@ -121,10 +121,8 @@ PACKAGE = "hapticmech_ros"
 
 def shared(relative: str) -> Path | None:
     """Return the first existing ``relative`` file or folder of the package's data, or None."""
-    for folder in _folders():
-        if (folder / relative).exists():
-            return folder / relative
-    return None
+    candidates = (folder / relative for folder in _folders())
+    return next((one for one in candidates if one.exists()), None)
 
 
 def _folders() -> Iterator[Path]:

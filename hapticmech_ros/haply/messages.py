@@ -87,7 +87,7 @@ class Link:
             else:
                 self._go_on(self._socket, 0.0)
         except (OSError, LinkError) as error:
-            self._end(str(error))
+            self.close(str(error))
 
     def send(self, text: str) -> bool:
         """Send a message, if the last one has been answered; return whether it was sent."""
@@ -98,7 +98,7 @@ class Link:
         try:
             self._flush(self._socket)
         except (OSError, LinkError) as error:
-            self._end(str(error))
+            self.close(str(error))
             return False
         return True
 
@@ -114,7 +114,7 @@ class Link:
             try:
                 self._go_on(self._socket, max(left, 0.0))
             except (OSError, LinkError) as error:
-                self._end(str(error))
+                self.close(str(error))
             if left <= 0.0:
                 break
         found = list(self._frames)
@@ -123,7 +123,11 @@ class Link:
 
     def close(self, reason: str = "closed") -> None:
         """End the connection now; the next is not tried before a while."""
-        self._end(reason)
+        if self._socket is not None:
+            self._socket.close()
+        self._socket, self._opened, self.unanswered = None, False, False
+        self.problem = f"{self._uri}: {reason}"
+        self._again = max(self._again, time.monotonic() + RETRY_S)
 
     def _begin(self) -> None:
         """Try to connect, now and then."""
@@ -212,13 +216,6 @@ class Link:
                 link.shutdown(socket.SHUT_WR)
             elif link.send(data) < len(data):
                 raise LinkError("it takes no more messages")
-
-    def _end(self, reason: str) -> None:
-        if self._socket is not None:
-            self._socket.close()
-        self._socket, self._opened, self.unanswered = None, False, False
-        self.problem = f"{self._uri}: {reason}"
-        self._again = max(self._again, time.monotonic() + RETRY_S)
 
 
 def _place(uri: str) -> tuple[str, int]:
