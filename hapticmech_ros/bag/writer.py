@@ -15,6 +15,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat, Qos
+from rosbags.rosbag2.metadata import dump_qos_v9
 from rosbags.typesys import Stores, TypesysError, get_typestore
 
 from hapticmech_ros.bag.mcap_file import McapFile
@@ -25,7 +26,6 @@ from hapticmech_ros.bag.metadata import (
     bag_information,
     losses_as_data,
     offered_qos,
-    offers_as_data,
     write_metadata,
 )
 from hapticmech_ros.bag.sqlite_file import SqliteFile
@@ -270,4 +270,4 @@ class BagWriter(Closing["BagWriter"]):
 @lru_cache(maxsize=256)
 def _offered_yaml(profiles: tuple[Qos, ...]) -> str:
     """Return publishers' QoS as a storage keeps it; a graph has few different ones."""
-    return as_yaml(offers_as_data(profiles))
+    return as_yaml(dump_qos_v9(list(profiles)))
