@@ -37,7 +37,7 @@ from hapticmech_ros.formats.model import (
     from_z,
 )
 from hapticmech_ros.formats.sdf_frames import HERE, OF_MODEL, Frames, Scope, opened
-from hapticmech_ros.formats.shapes import SIZES, find_mesh, not_zero, refused_kind, sized
+from hapticmech_ros.formats.shapes import SIZES, find_mesh, not_zero, refused_kind, sized, solid_of
 from hapticmech_ros.formats.xml_nodes import Node, Source
 from hapticmech_ros.scene.part import LARGEST
 
@@ -227,7 +227,7 @@ class _Reader:
         for tag, kept in (("collision", self.solids), ("visual", self.visuals)):
             for part in link.all(tag):
                 place = partial(self.frames.within, part, name)
-                kept.append(solid_of(self.source, part, name, place))
+                kept.append(solid_of(self.source, part, name, place, _shape_of, SHAPE_KINDS))
         inertial = link.first("inertial")
         if inertial is None:
             # SDFormat's own default.
@@ -471,24 +471,6 @@ class _Reader:
 # Of sizes that are left out; all others are 1 m.
 SIZE_DEFAULTS = {("capsule", "radius"): 0.5}
 SHAPE_KINDS = {"plane": "half_space"}
-
-
-def solid_of(source: Source, node: Node, link: str, place: Callable[[], pin.SE3]) -> Solid:
-    """Return a <collision> of a link.
-
-    Args:
-        source: the file.
-        node: the element.
-        link: that it is in.
-        place: returns the element's frame in the link's.
-    """
-    geometry = node.first("geometry")
-    shape = geometry.children[0] if geometry is not None and geometry.children else None
-    kind = "nothing" if shape is None else SHAPE_KINDS.get(shape.tag, shape.tag)
-    name = node.attributes.get("name", "").strip()
-    if shape is None:
-        shape = node
-    return Solid(name, link, kind, "collision", partial(_shape_of, source, shape, kind, place))
 
 
 def _shape_of(

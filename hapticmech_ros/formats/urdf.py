@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -41,7 +41,7 @@ from hapticmech_ros.formats.model import (
     from_z,
 )
 from hapticmech_ros.formats.sdf import read_joints
-from hapticmech_ros.formats.shapes import SIZES, find_mesh, not_zero, refused_kind, sized
+from hapticmech_ros.formats.shapes import SIZES, find_mesh, not_zero, refused_kind, sized, solid_of
 from hapticmech_ros.formats.xml_nodes import Node, Source
 
 TAG = "gazebo"
@@ -184,22 +184,11 @@ def placement_in(source: Source, node: Node | None) -> pin.SE3:
     return pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array(xyz))
 
 
-def solid_of(source: Source, node: Node, link: str) -> Solid:
-    """Return a <collision> of a link."""
-    geometry = node.first("geometry")
-    kind = geometry.children[0].tag if geometry is not None and geometry.children else "nothing"
-    name = node.attributes.get("name", "").strip()
-    return Solid(name, link, kind, "collision", partial(_read, source, node, kind))
-
-
-def _read(source: Source, node: Node, kind: str) -> tuple[pin.SE3, Document]:
-    place = placement_in(source, node.first("origin"))
-    geometry = node.first("geometry")
-    if geometry is None or not geometry.children:
-        raise refused_kind(source, node, kind)
-    shape = geometry.children[0]
+def _shape_of(
+    source: Source, shape: Node, kind: str, place: Callable[[], pin.SE3]
+) -> tuple[pin.SE3, Document]:
     if kind in SIZES:
-        return place, sized(
+        return place(), sized(
             source,
             shape,
             kind,
@@ -209,7 +198,7 @@ def _read(source: Source, node: Node, kind: str) -> tuple[pin.SE3, Document]:
         raise refused_kind(source, shape, kind)
     file = find_mesh(source, shape, source.text(shape, "filename"), source.path.parent)
     scale = not_zero(source, shape, source.values(shape, "scale", (1.0, 1.0, 1.0)))
-    return place, {"kind": kind, "file": str(file), "scale": scale}
+    return place(), {"kind": kind, "file": str(file), "scale": scale}
 
 
 JOINT_TYPES = {
@@ -265,8 +254,10 @@ def read_urdf(source: Source) -> Model:
                 rule = "names of links must be unique"
                 raise source.twice(node, body.name, links[body.name], rule)
             bodies[body.name], links[body.name] = body, node
-            solids += [solid_of(source, one, body.name) for one in node.all("collision")]
-            visuals += [solid_of(source, one, body.name) for one in node.all("visual")]
+            for tag, kept in (("collision", solids), ("visual", visuals)):
+                for part in node.all(tag):
+                    place = partial(placement_in, source, part.first("origin"))
+                    kept.append(solid_of(source, part, body.name, place, _shape_of))
         elif node.tag == "joint":
             hinge = _hinge(source, node, notes)
             if hinge.name in joints:

@@ -30,9 +30,8 @@ _DECLARATION = re.compile(r"(?:\xef\xbb\xbf)?(\s*)(<\?xml\s[^<>?]*\?>)")
 _ENCODING = re.compile(r"encoding\s*=\s*[\"']([^\"']*)[\"']")
 _BLANK = re.compile(r"(?:\xef\xbb\xbf)?\s*<\?\s+xml\s")
 _SHOWN = re.compile(r"[^\r\n]")
-# Starts and ends of parts that are no markup.
-_APART = {"<!--": "-->", "<![CDATA[": "]]>", "<?": "?>"}
-_BEGIN = re.compile("|".join(re.escape(one) for one in _APART))
+# Parts that are no markup, up to the end of the text if they lack their own.
+_APART = re.compile(r"(?s:<!--.*?(?:-->|\Z)|<!\[CDATA\[.*?(?:\]\]>|\Z)|<\?.*?(?:\?>|\Z))")
 
 
 @dataclass(slots=True)
@@ -276,18 +275,12 @@ def _as_parsers_take_it(text: str) -> tuple[str, str | None]:
         if start[1] or is_alias:
             encoding = "UTF-8" if is_alias else named or None
             text = text[: start.start(2)] + _SHOWN.sub(" ", start[2]) + text[start.end() :]
-    parts, at = [], 0
-    while (begin := _BEGIN.search(text, at)) is not None:
-        ending = _APART[begin[0]]
-        inside = begin.end()
-        end = text.find(ending, inside)
-        if end < 0:
-            break
-        after = end + len(ending)
-        parts.append(text[at : begin.start()])
-        part = text[begin.start() : after]
-        # The last hyphen of a comment such as <!-- a ---> counts too.
-        is_strange = begin[0] == "<!--" and "--" in text[inside : end + 1]
-        parts.append(_SHOWN.sub(" ", part) if is_strange else part)
-        at = after
-    return "".join((*parts, text[at:])), encoding
+    return _APART.sub(_accepted, text), encoding
+
+
+def _accepted(found: re.Match[str]) -> str:
+    """Return a part that is no markup; blanks for a comment that expat refuses."""
+    part = found[0]
+    is_comment = part.startswith("<!--") and part.endswith("-->")
+    # The last hyphen of a comment such as <!-- a ---> counts too.
+    return _SHOWN.sub(" ", part) if is_comment and "--" in part[4:-2] else part
