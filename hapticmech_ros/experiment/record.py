@@ -422,15 +422,11 @@ def first_push(hand_wrench: Array) -> int | None:
 def angle_between(a: Array, b: Array) -> Array:
     """Return the angles (n,) in rad, 0 to pi, between orientations (n, 4) of either sign.
 
-    They are computed from chords, which is accurate for small angles.
-
     Args:
         a: (n, 4) unit quaternions.
         b: (n, 4) unit quaternions.
     """
-    apart = np.linalg.norm(a - b, axis=-1)
-    across = np.linalg.norm(a + b, axis=-1)
-    return np.asarray(4.0 * np.arctan2(np.minimum(apart, across), np.maximum(apart, across)))
+    return np.asarray((Rotation.from_quat(a).inv() * Rotation.from_quat(b)).magnitude())
 
 
 def slerp(at: Array, times: Array, orientations: Array) -> Array:

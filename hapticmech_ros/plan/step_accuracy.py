@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import get_args
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.scene import Scene
@@ -124,14 +125,11 @@ def away(ones: Runs, others: Runs) -> tuple[float, float, float]:
 
 
 def _apart(one: Run, other: Run) -> tuple[float, float, float]:
-    first, second = one["quaternion"], other["quaternion"]
-    # A quaternion and its negative are one orientation.
-    ways = np.linalg.norm(first - second, axis=1), np.linalg.norm(first + second, axis=1)
-    chord = np.minimum(*ways)
+    first, second = (Rotation.from_quat(run["quaternion"]) for run in (one, other))
     force = one["on_hand"][:, :3] - other["on_hand"][:, :3]
     return (
         float(np.linalg.norm(one["position"] - other["position"], axis=1).max()),
-        float(4.0 * np.arcsin(0.5 * chord).max()),
+        float((first.inv() * second).magnitude().max()),
         float(np.linalg.norm(force, axis=1).max()),
     )
 
