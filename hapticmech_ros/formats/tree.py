@@ -36,6 +36,7 @@ from hapticmech_ros.formats.model import (
     origin_of,
 )
 from hapticmech_ros.formats.shapes import named
+from hapticmech_ros.scene.mechanism import MOMENTS
 from hapticmech_ros.scene.rules import VELOCITY_SIZE
 
 # Moments this far below zero, as a share of the largest, are rounding of the file.
@@ -339,12 +340,10 @@ class _Builder:
             turned = np.zeros((3, 3))
         inertia, raised = balanced(turned)
         self._raised += raised
-        keys = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2)}
-        keys |= {"ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
         return {
             "mass": float(body.mass),
             "com": place.act(body.com).tolist(),
-            "inertia": {key: float(inertia[at]) for key, at in keys.items()},
+            "inertia": {key: float(inertia[at]) for key, at in MOMENTS.items()},
         }
 
     def _loop_joint(self, loop_joint: LoopJoint) -> Document:

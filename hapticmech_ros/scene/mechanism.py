@@ -164,6 +164,17 @@ class Inertia(Part):
     iyz: Real = 0.0
 
 
+# Where each of an inertia's keys is in the matrix.
+MOMENTS = {
+    "ixx": (0, 0),
+    "iyy": (1, 1),
+    "izz": (2, 2),
+    "ixy": (0, 1),
+    "ixz": (0, 2),
+    "iyz": (1, 2),
+}
+
+
 class Inertial(Part):
     """A link's mass properties.
 
