@@ -217,9 +217,7 @@ def run(
     from hapticmech_ros.system.installation import refuse_unmet
     from hapticmech_ros.wire.topics import PAGE, VIEWER
 
-    if live and lockstep:
-        raise InvalidInputError("--live", live, "in lockstep there is no page")
-    if live:
+    if live and not lockstep:
         refuse_unmet([VISER])
     choose_discovery(os.environ, discovery)
     delay = seconds_of("--network-delay", network_delay) if network_delay else 0.0
@@ -233,18 +231,19 @@ def run(
     parameters = settings_of(settings or [])
     if params_file is None:
         refuse_one_device_twice(nodes, parameters)
-    if delay:
-        parameters["network_delay"] = delay
-    if transport != "auto":
-        parameters["transport"] = transport
+    given = {"network_delay": delay, "transport": "" if transport == "auto" else transport}
+    parameters |= {name: value for name, value in given.items() if value}
     arguments = arguments_of(params_file)
     stop = stop_by_signals()
-    if lockstep and only:
-        raise InvalidInputError("--only", only, "lockstep runs all nodes")
-    if lockstep and set(drivers.values()) != {"simulated"}:
-        raise InvalidInputError("--device", device, "in lockstep the device is simulated")
-    if lockstep and respawn:
-        raise InvalidInputError("--respawn", respawn, "in lockstep a lost node ends the run")
+    is_simulated = set(drivers.values()) == {"simulated"}
+    for option, value, is_wrong, rule in (
+        ("--live", live, live, "in lockstep there is no page"),
+        ("--only", only, only, "lockstep runs all nodes"),
+        ("--device", device, not is_simulated, "in lockstep the device is simulated"),
+        ("--respawn", respawn, respawn, "in lockstep a lost node ends the run"),
+    ):
+        if lockstep and is_wrong:
+            raise InvalidInputError(option, value, rule)
     if lockstep:
         plan = LockstepRun(
             scene,
@@ -263,10 +262,8 @@ def run(
         ticks = run_lockstep(plan, os.environ, stop.is_set)
         console.print(f"{ticks} ticks, {ticks * loaded.simulation.period:g} s")
         return
-    if control_rate:
-        parameters["control_rate"] = control_rate
-    if use_sim_time:
-        parameters["use_sim_time"] = True
+    given = {"control_rate": control_rate, "use_sim_time": use_sim_time}
+    parameters |= {name: value for name, value in given.items() if value}
     nodes += [*([VIEWER] if view else []), *([PAGE] if live else [])]
     recorder = None
     if record is not None and record.exists():

@@ -32,8 +32,9 @@ from hapticmech_ros.scene.validation import with_changes
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.study.design import Design
 
-# From a scene and an operational point, the scene's first one if empty, to numbers by name. It
-# raises a HapticMechError if it cannot be measured; the study continues.
+#: From a scene and an operational point, the scene's first one if empty, to numbers by name. It
+#: raises a :class:`~hapticmech_ros.errors.HapticMechError` if the scene cannot be measured; the
+#: study continues.
 Measure = Callable[[Scene, str], Mapping[str, float]]
 
 
