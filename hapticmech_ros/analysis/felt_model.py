@@ -58,7 +58,14 @@ CHANGE = 1e-5
 
 
 def response(a: Array, b: Array, c: Array, places: Array) -> Array:
-    """Return C (z - A)⁻¹ B (k, ...) at complex places z (k,)."""
+    """Return C (z - A)⁻¹ B, (k, outputs, inputs) complex.
+
+    Args:
+        a: (n, n) A.
+        b: (n, inputs) B.
+        c: (outputs, n) C.
+        places: (k,) complex z.
+    """
     one = np.eye(len(a))
     answers = [np.linalg.solve(z * one - a, b) for z in places]
     return np.array([c @ answer for answer in answers])

@@ -190,7 +190,11 @@ class Source:
         return self.numbers(found, found.text, len(default), tag, largest)
 
     def unit(self, node: Node | None, vector: Sequence[float], what: str) -> Array:
-        """Return a vector (3,) with a length of 1; a zero one is refused."""
+        """Return a vector (3,) with a length of 1.
+
+        Raises:
+            SceneError: it is zero.
+        """
         found = np.array(vector)
         size = float(np.linalg.norm(found))
         if not size > 0.0:
