@@ -57,6 +57,20 @@ from hapticmech_ros.simulation import MechanismState, Simulator
 CHANGE = 1e-5
 
 
+def response(a: Array, b: Array, c: Array, places: Array) -> Array:
+    """Return C (z - A)⁻¹ B, (k, outputs, inputs) complex.
+
+    Args:
+        a: (n, n) A.
+        b: (n, inputs) B.
+        c: (outputs, n) C.
+        places: (k,) complex z.
+    """
+    one = np.eye(len(a))
+    answers = [np.linalg.solve(z * one - a, b) for z in places]
+    return np.array([c @ answer for answer in answers])
+
+
 @dataclass(frozen=True, slots=True)
 class LinearSystem:
     """A wrench in, a twist out: x⁺ = A x + B F, V = C x, once a period.
@@ -80,9 +94,7 @@ class LinearSystem:
             frequencies: (k,) Hz.
         """
         turns = np.exp(2j * np.pi * self.period * np.asarray(frequencies, dtype=float))
-        one = np.eye(len(self.step))
-        answers = [np.linalg.solve(z * one - self.step, self.push) for z in turns]
-        return np.array([self.twist @ answer for answer in answers])
+        return response(self.step, self.push, self.twist, turns)
 
     def run(self, external: Array) -> Array:
         """Return twists (k, 6), m/s and rad/s, from rest under wrenches, one a period.

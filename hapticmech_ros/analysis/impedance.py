@@ -173,11 +173,9 @@ def multisine(times: Array, frequencies: Sequence[float] | Array, sizes: Array) 
         frequencies: (k,) Hz.
         sizes: (k,) amplitudes, in the unit of the result.
     """
-    push = np.zeros(times.size)
-    for index, (frequency, size) in enumerate(zip(frequencies, sizes, strict=True)):
-        phase = np.pi * index**2 / len(sizes)
-        push += size * np.cos(2.0 * np.pi * frequency * times - phase)
-    return push
+    phases = np.pi * np.arange(len(sizes)) ** 2 / len(sizes)
+    turns = 2.0 * np.pi * np.outer(times, frequencies)
+    return np.asarray(np.cos(turns - phases) @ sizes)
 
 
 def faded_in(times: Array, duration: float) -> Array:
@@ -201,12 +199,11 @@ def amplitudes(times: Array, values: Array, frequencies: Sequence[float] | Array
         values: (n,) in any unit.
         frequencies: (k,) of the excitation, Hz.
     """
-    columns = [np.ones(times.size), times - times.mean()]
-    for frequency in frequencies:
-        turn = 2.0 * np.pi * frequency * times
-        columns += [np.cos(turn), np.sin(turn)]
-    fit = np.linalg.lstsq(np.array(columns).T, values, rcond=None)[0][2:].reshape(-1, 2)
-    return np.asarray(fit[:, 0] - 1j * fit[:, 1])
+    turns = 2.0 * np.pi * np.outer(times, frequencies)
+    drift = np.ones(times.size), times - times.mean()
+    columns = np.column_stack((*drift, np.cos(turns), np.sin(turns)))
+    cosines, sines = np.split(np.linalg.lstsq(columns, values, rcond=None)[0][2:], 2)
+    return np.asarray(cosines - 1j * sines)
 
 
 def free_directions(analysis: OperationalAnalysis) -> list[Array]:

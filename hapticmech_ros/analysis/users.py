@@ -24,7 +24,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.linalg import block_diag, logm
 
-from hapticmech_ros.analysis.felt_model import linear_point
+from hapticmech_ros.analysis.felt_model import linear_point, response
 from hapticmech_ros.analysis.impedance import (
     PUSH_N_PER_HZ,
     amplitudes,
@@ -217,7 +217,8 @@ def admittances(
     whole[:size, size:] = np.hstack([one.push for one in points])
     rates = np.real(logm(whole)) / period
     shown = np.vstack([one.twist for one in points])
-    y = _response(rates[:size, :size], rates[:size, size:], shown, frequencies)
+    # s = i ω of ẋ = A x + B u.
+    y = response(rates[:size, :size], rates[:size, size:], shown, 2j * np.pi * frequencies)
     hands, held = [scene.held_at(name).hand for name in names[1:]], []
     for one, frequency in zip(y, frequencies, strict=True):
         s = 2j * np.pi * frequency
@@ -225,13 +226,6 @@ def admittances(
         shared = np.linalg.solve(np.eye(len(z)) + one[6:, 6:] @ z, one[6:, :6])
         held.append(one[:6, :6] - one[:6, 6:] @ z @ shared)
     return np.array(held), y[:, :6, :6]
-
-
-def _response(a: Array, b: Array, c: Array, frequencies: Array) -> Array:
-    """Return C (s - A)⁻¹ B (k, ...) at s = i ω of ẋ = A x + B u."""
-    one = np.eye(len(b))
-    answers = [np.linalg.solve(s * one - a, b) for s in 2j * np.pi * frequencies]
-    return np.array([c @ answer for answer in answers])
 
 
 CAPTION = (

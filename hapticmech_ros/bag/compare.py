@@ -66,13 +66,8 @@ def _labelled(message: Any) -> dict[str, Row]:
     sizes = flat_fields(dimensions[0].label)
     if not sizes or sum(sizes.values()) != data.size:
         return {}
-    found: dict[str, Row] = {}
-    at = 0
-    for name, size in sizes.items():
-        if name != "stamp":
-            found[name] = data[at : at + size]
-        at += size
-    return found
+    parts = np.split(data, np.cumsum(list(sizes.values())))
+    return {name: part for name, part in zip(sizes, parts, strict=False) if name != "stamp"}
 
 
 def _walk(value: Any, name: str) -> Iterator[tuple[str, Row]]:
@@ -202,7 +197,7 @@ class Deviations:
         a = rows_of(self._decode_first(first))
         b = a if first == second else rows_of(self._decode_second(second))
         # Padding between values is not compared; rclpy leaves old bytes in it.
-        self.equal += first != second and _same_bits(a, b)
+        self.equal += first != second and _bits(a) == _bits(b)
         for name in [*a, *(name for name in b if name not in a)]:
             self._add(name, time_ns, a.get(name), b.get(name))
 
@@ -228,17 +223,11 @@ class Deviations:
         )
 
 
-def _same_bits(a: Mapping[str, Row], b: Mapping[str, Row]) -> bool:
-    if a.keys() != b.keys():
-        return False
-    for name, one in a.items():
-        other = b[name]
-        if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
-            if one.shape != other.shape or one.tobytes() != other.tobytes():
-                return False
-        elif one is not other and one != other:
-            return False
-    return True
+def _bits(rows: Mapping[str, Row]) -> dict[str, object]:
+    return {
+        name: (row.shape, row.tobytes()) if isinstance(row, np.ndarray) else row
+        for name, row in rows.items()
+    }
 
 
 Align = Literal["stamp", "nearest", "start"]

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from enum import Enum
 from io import StringIO
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Any, Literal
@@ -26,6 +25,7 @@ from rosbags.interfaces import (
     QosReliability,
     QosTime,
 )
+from rosbags.rosbag2.metadata import dump_qos_v9, parse_qos
 from ruamel.yaml import YAML
 
 from hapticmech_ros.bag.storage import LATEST_NS, NO_DEFINITION, DamageError, StoredTopic
@@ -88,7 +88,7 @@ def read_offers(said: object) -> tuple[Qos, ...]:
             return ()
         if not isinstance(items, list):
             raise TypeError("not a list")
-        found = tuple(map(_offer, items))
+        found = tuple(parse_qos(items))
     except (FileError, TypeError, KeyError, AttributeError, ValueError) as error:
         raise DamageError(f"offered_qos_profiles cannot be read ({error})") from None
     for offer in found:
@@ -97,39 +97,6 @@ def read_offers(said: object) -> tuple[Qos, ...]:
         if not all(type(number) is int and 0 <= number <= LATEST_NS for number in numbers):
             raise DamageError(f"offered_qos_profiles have a number out of range ({offer})")
     return found
-
-
-_KINDS = {
-    "history": QosHistory,
-    "reliability": QosReliability,
-    "durability": QosDurability,
-    "liveliness": QosLiveliness,
-}
-
-
-def _offer(item: Any) -> Qos:
-    """Return a profile of any version: kinds are names, and were numbers before version 9."""
-    found = {name: item[name] for name in ("depth", "avoid_ros_namespace_conventions")}
-    for name, kind in _KINDS.items():
-        said = item.get(name, "unknown")
-        try:
-            found[name] = kind(said) if isinstance(said, int) else kind[said.upper()]
-        except (KeyError, ValueError):
-            found[name] = kind["UNKNOWN"]
-    for name in ("deadline", "lifespan", "liveliness_lease_duration"):
-        found[name] = QosTime(item[name]["sec"], item[name]["nsec"])
-    return Qos(**found)
-
-
-def offers_as_data(offers: Iterable[Qos]) -> list[dict[str, Any]]:
-    """Return profiles as version 9 has them; :func:`read_offers` reads them."""
-    return [{name: _plain(value) for name, value in one._asdict().items()} for one in offers]
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Enum):
-        return value.name.lower()
-    return value._asdict() if isinstance(value, QosTime) else value
 
 
 VERSION: Literal[9] = 9
@@ -256,7 +223,19 @@ def bag_information(
         "duration": _duration(start, end),
         "starting_time": {"nanoseconds_since_epoch": start},
         "message_count": sum(file.count for file in files),
-        "topics_with_message_count": [_topic(topic) for topic in topics],
+        "topics_with_message_count": [
+            {
+                "topic_metadata": {
+                    "name": topic.name,
+                    "type": topic.type,
+                    "serialization_format": "cdr",
+                    "offered_qos_profiles": dump_qos_v9(list(topic.offered)),
+                    "type_description_hash": topic.type_hash,
+                },
+                "message_count": topic.count,
+            }
+            for topic in topics
+        ],
         "compression_format": "",
         "compression_mode": "",
         "relative_file_paths": [file.name for file in files],
@@ -394,16 +373,3 @@ def as_yaml(value: object) -> str:
 
 def _duration(start_ns: int, end_ns: int) -> dict[str, int]:
     return {"nanoseconds": max(0, end_ns - start_ns)}
-
-
-def _topic(topic: StoredTopic) -> dict[str, Any]:
-    return {
-        "topic_metadata": {
-            "name": topic.name,
-            "type": topic.type,
-            "serialization_format": "cdr",
-            "offered_qos_profiles": offers_as_data(topic.offered),
-            "type_description_hash": topic.type_hash,
-        },
-        "message_count": topic.count,
-    }

@@ -20,7 +20,6 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
-from types import TracebackType
 from typing import Any, NamedTuple
 
 from rosbags.interfaces import MessageDefinitionFormat, Nodetype, Qos
@@ -42,26 +41,13 @@ from hapticmech_ros.bag.storage import (
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.files import exists
 from hapticmech_ros.numerics.times import NANOSECONDS
+from hapticmech_ros.system.closing import Closing
 
 ARRAY = "std_msgs/msg/Float64MultiArray"
 # Type of a first field that begins with a stamp.
 _FIRST = ("std_msgs/msg/Header", "builtin_interfaces/msg/Time")
 _LABEL = b"stamp:2,"
 _HEADER = 4
-
-
-def stamp_reader(msgtype: str, first_type: str) -> Callable[[bytes], int | None] | None:
-    """Return a reader of stamps (ns) from messages of a type, or None if it has none.
-
-    The reader returns None for a message that is too short, or an array without a stamp.
-
-    Args:
-        msgtype: such as ``geometry_msgs/msg/PoseStamped``.
-        first_type: message type of its first field; empty if that is a plain value.
-    """
-    if first_type in _FIRST:
-        return _leading
-    return _labelled if msgtype == ARRAY else None
 
 
 def flat_fields(label: str) -> dict[str, int]:
@@ -182,7 +168,7 @@ class MissingMessagesError(BagError):
     """A bag has fewer readable messages than stated."""
 
 
-class BagReader:
+class BagReader(Closing["BagReader"]):
     """An open bag: a rosbag2 folder, or a single ``.mcap`` or ``.db3`` file.
 
     Use it as a context manager.
@@ -259,6 +245,8 @@ class BagReader:
     def stamps_of(self, name: str) -> Callable[[bytes], int | None] | None:
         """Return a reader of a topic's stamps (ns) from bytes; None for a type without stamps.
 
+        The reader returns None for a message that is too short, or an array without a stamp.
+
         Raises:
             BagError: topic not in the bag.
         """
@@ -267,7 +255,9 @@ class BagReader:
         msgtype = self.topics[name].type
         _, fields = self._types.fielddefs.get(msgtype, ((), ()))
         kind, detail = fields[0][1] if fields else (None, "")
-        return stamp_reader(msgtype, str(detail) if kind == Nodetype.NAME else "")
+        if kind == Nodetype.NAME and str(detail) in _FIRST:
+            return _leading
+        return _labelled if msgtype == ARRAY else None
 
     def _check_folder(self) -> None:
         stored = any(file.suffix in (*SUFFIXES, COMPRESSED) for file in self.path.iterdir())
@@ -379,17 +369,6 @@ class BagReader:
     def close(self) -> None:
         """Close the bag; does nothing the second time."""
         self._stack.close()
-
-    def __enter__(self) -> BagReader:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def read_topic(path: str | os.PathLike[str], name: str) -> Iterator[tuple[int, Any]]:

@@ -34,25 +34,8 @@ JUMP, TIMES_USUAL, OFTEN = 0.01, 10.0, 3
 _Times = npt.NDArray[np.int64]
 
 
-@dataclass(frozen=True, slots=True)
-class RecordedJoints:
-    """Positions and rates of all joints, in order of their stamps.
-
-    Attributes:
-        stamps_ns: (n,) stamps, ns.
-        positions: (n, nv) rad or m.
-        rates: (n, nv) rad/s or m/s.
-        notes: on values from other messages than a state's own, and on suspicious ones.
-    """
-
-    stamps_ns: _Times
-    positions: Array
-    rates: Array
-    notes: tuple[str, ...]
-
-
-def recorded_joints(messages: Iterable[Any], mechanism: Mechanism) -> RecordedJoints:
-    """Return the states in joint states.
+def recorded_joints(messages: Iterable[Any], mechanism: Mechanism, topic: str) -> RecordedStates:
+    """Return the states in joint states; closures and points held are those of the scene's start.
 
     Each message makes a state, with the newest positions of the joints that it does not name; those
     before all joints are known are left out. Where no message has the position of a coupled joint,
@@ -61,6 +44,7 @@ def recorded_joints(messages: Iterable[Any], mechanism: Mechanism) -> RecordedJo
     Args:
         messages: ``sensor_msgs/msg/JointState``, in order of reception.
         mechanism: that was recorded.
+        topic: of the messages.
 
     Raises:
         InvalidInputError: a joint that is in no message and follows from none, a position that is
@@ -102,7 +86,15 @@ def recorded_joints(messages: Iterable[Any], mechanism: Mechanism) -> RecordedJo
         notes.append(f"messages left out, as not all positions are known yet: {early}")
     notes += _parts(names, named[known], (times[:, None] - stamps[newest])[:, measured])
     notes += _jumps(mechanism, names, times, positions)
-    return RecordedJoints(times, positions, rates, tuple(notes))
+    return RecordedStates(
+        times,
+        np.array([mechanism.configuration(row) for row in positions]),
+        rates,
+        np.tile(np.array(mechanism.initially_active, dtype=bool), (times.size, 1)),
+        np.tile(flat_grasps(mechanism.scene), (times.size, 1, 1)),
+        topic,
+        tuple(notes),
+    )
 
 
 def _columns(
@@ -260,7 +252,8 @@ def states_from_bag(
             if kind == STATE.type:
                 return _own_states(bag, name, mechanism)
             if kind == JOINT_STATES.type:
-                return _joint_states(bag, name, mechanism)
+                messages = (item.message for item in bag.messages(name))
+                return recorded_joints(messages, mechanism, name)
         except InvalidInputError as error:
             raise BagError(f"bag {bag.path}, {name}: {error}") from error
     raise BagError(f"bag {path}, {name}: is {kind}, should be {STATE.type} or {JOINT_STATES.type}")
@@ -280,17 +273,3 @@ def _own_states(bag: BagReader, name: str, mechanism: Mechanism) -> RecordedStat
     stamps, active, q, v, grasps = columns
     order = np.argsort(stamps, kind="stable")
     return RecordedStates(stamps[order], q[order], v[order], active[order], grasps[order], name)
-
-
-def _joint_states(bag: BagReader, name: str, mechanism: Mechanism) -> RecordedStates:
-    found = recorded_joints((item.message for item in bag.messages(name)), mechanism)
-    number = len(found.stamps_ns)
-    return RecordedStates(
-        found.stamps_ns,
-        np.array([mechanism.configuration(row) for row in found.positions]),
-        found.rates,
-        np.tile(np.array(mechanism.initially_active, dtype=bool), (number, 1)),
-        np.tile(flat_grasps(mechanism.scene), (number, 1, 1)),
-        name,
-        found.notes,
-    )

@@ -12,9 +12,10 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from types import MappingProxyType, TracebackType
+from types import MappingProxyType
 
 from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat, Qos
+from rosbags.rosbag2.metadata import dump_qos_v9
 from rosbags.typesys import Stores, TypesysError, get_typestore
 
 from hapticmech_ros.bag.mcap_file import McapFile
@@ -25,12 +26,12 @@ from hapticmech_ros.bag.metadata import (
     bag_information,
     losses_as_data,
     offered_qos,
-    offers_as_data,
     write_metadata,
 )
 from hapticmech_ros.bag.sqlite_file import SqliteFile
 from hapticmech_ros.bag.storage import Messages, StoredTopic
 from hapticmech_ros.errors import BagError
+from hapticmech_ros.system.closing import Closing
 
 # Messages older than this, by their times, are on disk if the writer is killed.
 FLUSH_NS = 500_000_000
@@ -39,7 +40,7 @@ STORAGE_FILES: dict[str, type[StorageFile]] = {"mcap": McapFile, "sqlite3": Sqli
 _FAILURES = (OSError, sqlite3.Error)
 
 
-class BagWriter:
+class BagWriter(Closing["BagWriter"]):
     """A rosbag2 folder being written; may be used from any thread.
 
     The bag is complete only after :meth:`close`. As a context manager it closes at the end, also
@@ -265,19 +266,8 @@ class BagWriter:
         topics = [replace(one, count=self._counts[name]) for name, one in self._topics.items()]
         return bag_information(self._storage, self._files, topics, finished)
 
-    def __enter__(self) -> BagWriter:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
-
 
 @lru_cache(maxsize=256)
 def _offered_yaml(profiles: tuple[Qos, ...]) -> str:
     """Return publishers' QoS as a storage keeps it; a graph has few different ones."""
-    return as_yaml(offers_as_data(profiles))
+    return as_yaml(dump_qos_v9(list(profiles)))

@@ -43,9 +43,9 @@ def show_info(info: BagInfo) -> None:
         for topic in info.topics
     )
     headings = ("topic", "messages", "Hz", "QoS", "type")
-    _show(Sheet("", headings, rows, ("QoS", "type"), kept=WIDEST_NAME))
+    console.print(Sheet("", headings, rows, ("QoS", "type"), kept=WIDEST_NAME))
     hashes = {(topic.type.replace("/msg/", "/"), _short(topic.type_hash)) for topic in info.topics}
-    _show(Sheet("", ("type", "type hash"), tuple(sorted(hashes)), kept=WIDEST_NAME))
+    console.print(Sheet("", ("type", "type hash"), tuple(sorted(hashes)), kept=WIDEST_NAME))
 
 
 def show_check(checked: BagCheck) -> None:
@@ -68,7 +68,7 @@ def show_check(checked: BagCheck) -> None:
         rows.append((topic.name, *cells))
     headings = ("topic", "messages", "Hz", "missing", "gap ms", "stamps back", "notes")
     if rows:
-        _show(Sheet("", headings, tuple(rows), ("notes",), kept=WIDEST_NAME))
+        console.print(Sheet("", headings, tuple(rows), ("notes",), kept=WIDEST_NAME))
     for name in checked.absent:
         _print(f"not recorded: {name}", "yellow")
     for trouble in checked.damage:
@@ -98,7 +98,7 @@ def show_comparison(compared: BagComparison) -> None:
         rows.append((topic.name, *cells))
     numbers = ("matched", "missing", "extra", "equal bits", "largest", "rms")
     headings = ("topic", "matched by", *numbers, "at")
-    _show(Sheet("", headings, tuple(rows), ("matched by", "at"), kept=WIDEST_NAME))
+    console.print(Sheet("", headings, tuple(rows), ("matched by", "at"), kept=WIDEST_NAME))
     for name in compared.missing_topics:
         _print(f"not in {compared.actual}: {name}", "yellow")
     for name in compared.extra_topics:
@@ -122,10 +122,6 @@ def show_repair(done: RepairReport) -> None:
 
 def _print(text: str, style: str | None = None) -> None:
     console.print(text, style=style, highlight=False, markup=False, soft_wrap=True)
-
-
-def _show(sheet: Sheet) -> None:
-    console.print(sheet)
 
 
 def _size(size: int) -> str:

@@ -7,6 +7,7 @@ Durations as people write them.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -36,6 +37,27 @@ def seconds_of(option: str, text: str) -> float:
     if found is None:
         raise InvalidInputError(option, text, "must be a duration such as 50ms or 0.05s")
     return float(found[1]) * _UNITS[found[2]]
+
+
+def vector_of(option: str, text: str, parts: Sequence[str], rule: str) -> tuple[float, ...]:
+    """Return the three numbers that the parts of an option's text are.
+
+    Args:
+        option: its name, for the error.
+        text: as it was given.
+        parts: of the text.
+        rule: for the error.
+
+    Raises:
+        InvalidInputError: they are not three finite numbers.
+    """
+    try:
+        found = tuple(map(float, parts))
+    except ValueError:
+        found = ()
+    if len(found) != 3 or not all(map(math.isfinite, found)):
+        raise InvalidInputError(option, text, rule)
+    return found
 
 
 console = Console()

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from hapticmech_ros.cli.console import seconds_of
+from hapticmech_ros.cli.console import seconds_of, vector_of
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.system.installation import refuse_middleware
 
@@ -102,7 +102,9 @@ def emulate(
     if loaded.device.actuated != "translation":
         loaded = loaded.with_(device={"preset": "inverse3"})
     faults = Faults(seconds_of("--delay", delay), seconds_of("--jitter", jitter), garbage, silent)
-    rotation = np.asarray(pin.rpy.rpyToMatrix(*_angles("--mounting", mounting)))
+    rule = "must be three numbers, such as '0 0 1.5708'"
+    angles = vector_of("--mounting", mounting, mounting.split(), rule)
+    rotation = np.asarray(pin.rpy.rpyToMatrix(*angles))
     with ExitStack() as stack:
         rows = stack.enter_context(trace.open("w", encoding="utf-8")) if trace else None
         idle = seconds_of("--idle-after", idle_after)
@@ -127,7 +129,6 @@ def calibrate(
 ) -> None:
     """Find how a device's base stands in the world, and how far it reaches; writes parameters."""
     from hapticmech_ros.cli.console import console
-    from hapticmech_ros.errors import InvalidInputError
     from hapticmech_ros.haply.reader import CursorReader, mounting_of, reach_of
 
     del model
@@ -211,20 +212,3 @@ def _press(text: str) -> Press:
     if len(words) != 3:
         raise InvalidInputError("--press", text, "must be a button and two times, as in a 2s 3s")
     return Press(words[0], seconds_of("--press", words[1]), seconds_of("--press", words[2]))
-
-
-def _angles(option: str, text: str) -> tuple[float, ...]:
-    """Return three numbers between spaces.
-
-    Raises:
-        InvalidInputError: these are none.
-    """
-    from hapticmech_ros.errors import InvalidInputError
-
-    try:
-        found = tuple(float(word) for word in text.split())
-    except ValueError:
-        found = ()
-    if len(found) != 3 or not all(map(math.isfinite, found)):
-        raise InvalidInputError(option, text, "must be three numbers, such as '0 0 1.5708'")
-    return found

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
@@ -19,6 +18,7 @@ from hapticmech_ros.cli.console import (
     SceneArgument,
     console,
     progress,
+    vector_of,
     with_changes,
     words,
 )
@@ -116,7 +116,8 @@ def experiment(
         return
     hand = loaded.hand
     idle = hand.kind == "constant_wrench" and not any((*hand.force, *hand.torque))
-    force = _force(push) if push else None
+    rule = "must be three numbers with commas between: 0.5,0,0"
+    force = vector_of("--push", push, words(push), rule) if push else None
     if force is None and idle and not hand.tremor:
         force = DEFAULT_PUSH
         text = "the scene's hand does nothing: it pushes with 0.5 N along x here; --push X,Y,Z"
@@ -157,22 +158,6 @@ def _simulate(
         bar.update(task, description="writing results")
         summary = write(record, scene, out)
     _print_results(summary, out)
-
-
-def _force(text: str) -> tuple[float, ...]:
-    """Return the force, N, that a text is.
-
-    Raises:
-        InvalidInputError: it is not three finite numbers.
-    """
-    try:
-        found = tuple(float(word) for word in words(text))
-    except ValueError:
-        found = ()
-    if len(found) != 3 or not all(math.isfinite(value) for value in found):
-        rule = "must be three numbers with commas between: 0.5,0,0"
-        raise InvalidInputError("--push", text, rule)
-    return found
 
 
 def _leave(failure: UnfinishedRunError, scene: Scene, out: Path) -> None:

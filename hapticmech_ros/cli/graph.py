@@ -38,9 +38,7 @@ if TYPE_CHECKING:
     from hapticmech_ros.graph.processes import AuxiliaryProcess, Graph
 from collections.abc import Iterator
 
-from rich.box import SIMPLE_HEAD
 from rich.markup import escape
-from rich.table import Table
 
 from hapticmech_ros.system.readiness import Report
 from hapticmech_ros.wire.topics import ANALYSER, CONTROLLER, REAL_DEVICES
@@ -72,10 +70,9 @@ def show_ends(reports: Reports, endings: Reports) -> None:
     """Print each node's last state, and its counts."""
     if not endings:
         return
-    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False, pad_edge=False)
-    for heading in ("node", "at the end", "Hz", "missed", "age p50 / p99, ms"):
-        left = heading in ("node", "at the end")
-        table.add_column(heading, justify="left" if left else "right", overflow="fold")
+    from hapticmech_ros.analysis.study import Sheet
+
+    rows = []
     for name, ending in sorted(endings.items()):
         # Nodes end one after the other: inputs that the last ones then miss are no fault.
         sentence = reports.get(name, ending).sentence
@@ -83,8 +80,9 @@ def show_ends(reports: Reports, endings: Reports) -> None:
         ages = [figures.get(f"message_age_{share}_us", "") for share in ("p50", "p99")]
         age = " / ".join(f"{float(us) / 1e3:.2f}" for us in ages) if all(ages) else "-"
         rate = figures.get("achieved_rate_hz", "-")
-        table.add_row(escape(name), escape(sentence), rate, _share(figures), age)
-    console.print(table)
+        rows.append((name, sentence, rate, _share(figures), age))
+    headings = ("node", "at the end", "Hz", "missed", "age p50 / p99, ms")
+    console.print(Sheet("", headings, tuple(rows), ("at the end",)))
     for name, ending in sorted(endings.items()):
         for note in _notes(ending):
             console.print(f"{name}: {note}", highlight=False, markup=False, soft_wrap=True)
@@ -219,9 +217,7 @@ def run(
     from hapticmech_ros.system.installation import refuse_unmet
     from hapticmech_ros.wire.topics import PAGE, VIEWER
 
-    if live and lockstep:
-        raise InvalidInputError("--live", live, "in lockstep there is no page")
-    if live:
+    if live and not lockstep:
         refuse_unmet([VISER])
     choose_discovery(os.environ, discovery)
     delay = seconds_of("--network-delay", network_delay) if network_delay else 0.0
@@ -235,18 +231,19 @@ def run(
     parameters = settings_of(settings or [])
     if params_file is None:
         refuse_one_device_twice(nodes, parameters)
-    if delay:
-        parameters["network_delay"] = delay
-    if transport != "auto":
-        parameters["transport"] = transport
+    given = {"network_delay": delay, "transport": "" if transport == "auto" else transport}
+    parameters |= {name: value for name, value in given.items() if value}
     arguments = arguments_of(params_file)
     stop = stop_by_signals()
-    if lockstep and only:
-        raise InvalidInputError("--only", only, "lockstep runs all nodes")
-    if lockstep and set(drivers.values()) != {"simulated"}:
-        raise InvalidInputError("--device", device, "in lockstep the device is simulated")
-    if lockstep and respawn:
-        raise InvalidInputError("--respawn", respawn, "in lockstep a lost node ends the run")
+    is_simulated = set(drivers.values()) == {"simulated"}
+    for option, value, is_wrong, rule in (
+        ("--live", live, live, "in lockstep there is no page"),
+        ("--only", only, only, "lockstep runs all nodes"),
+        ("--device", device, not is_simulated, "in lockstep the device is simulated"),
+        ("--respawn", respawn, respawn, "in lockstep a lost node ends the run"),
+    ):
+        if lockstep and is_wrong:
+            raise InvalidInputError(option, value, rule)
     if lockstep:
         plan = LockstepRun(
             scene,
@@ -265,10 +262,8 @@ def run(
         ticks = run_lockstep(plan, os.environ, stop.is_set)
         console.print(f"{ticks} ticks, {ticks * loaded.simulation.period:g} s")
         return
-    if control_rate:
-        parameters["control_rate"] = control_rate
-    if use_sim_time:
-        parameters["use_sim_time"] = True
+    given = {"control_rate": control_rate, "use_sim_time": use_sim_time}
+    parameters |= {name: value for name, value in given.items() if value}
     nodes += [*([VIEWER] if view else []), *([PAGE] if live else [])]
     recorder = None
     if record is not None and record.exists():

@@ -49,6 +49,7 @@ def replay(
 ) -> None:
     """Feed a session's inputs into a graph in lockstep, record its outputs, and compare."""
     from hapticmech_ros.bag.compare import compare
+    from hapticmech_ros.bag.reader import BagReader
     from hapticmech_ros.cli.bag_tables import show_comparison
     from hapticmech_ros.graph.lockstep import LockstepRun
     from hapticmech_ros.graph.lockstep import replay as run_replay
@@ -70,16 +71,10 @@ def replay(
     )
     ticks = run_replay(run, os.environ, stop.is_set)
     console.print(f"replayed {ticks} ticks into {out}", highlight=False)
-    found = {name: topic_of(name) for name in _topics(out)}
+    with BagReader(out) as recorded:
+        found = {name: topic_of(name) for name in recorded.topics}
     control = [name for name, topic in found.items() if topic and topic.rate == "control"]
     compared = compare(bag, out, control, align.value)
     show_comparison(compared)
     if exact and not compared.is_exact:
         raise typer.Exit(1)
-
-
-def _topics(bag: Path) -> list[str]:
-    from hapticmech_ros.bag.reader import BagReader
-
-    with BagReader(bag) as found:
-        return list(found.topics)

@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
 
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.bag.metadata import losses_of, read_metadata
@@ -219,10 +220,8 @@ class GraphHealth:
 
     def one(self, figure: str) -> Figure | None:
         """Return a figure of the first node that reports it; None if none does."""
-        for node in self.nodes.values():
-            if figure in node.figures:
-                return node.figures[figure]
-        return None
+        found = (node.figures[figure] for node in self.nodes.values() if figure in node.figures)
+        return next(found, None)
 
 
 def health_from_bag(path: str | os.PathLike[str]) -> GraphHealth:
@@ -420,22 +419,14 @@ def first_push(hand_wrench: Array) -> int | None:
     return int(pushing[0]) if pushing.size else None
 
 
-# Below this angle (rad) the chord is used for the arc; the relative difference is below 1e-17.
-_SMALL = 1e-8
-
-
 def angle_between(a: Array, b: Array) -> Array:
     """Return the angles (n,) in rad, 0 to pi, between orientations (n, 4) of either sign.
-
-    They are computed from chords, which is accurate for small angles.
 
     Args:
         a: (n, 4) unit quaternions.
         b: (n, 4) unit quaternions.
     """
-    apart = np.linalg.norm(a - b, axis=-1)
-    across = np.linalg.norm(a + b, axis=-1)
-    return np.asarray(4.0 * np.arctan2(np.minimum(apart, across), np.maximum(apart, across)))
+    return np.asarray((Rotation.from_quat(a).inv() * Rotation.from_quat(b)).magnitude())
 
 
 def slerp(at: Array, times: Array, orientations: Array) -> Array:
@@ -448,16 +439,9 @@ def slerp(at: Array, times: Array, orientations: Array) -> Array:
     """
     if times.size == 1:
         return np.repeat(orientations, at.size, axis=0)
-    left = np.clip(np.searchsorted(times, at, side="right") - 1, 0, times.size - 2)
-    share = np.clip((at - times[left]) / (times[left + 1] - times[left]), 0.0, 1.0)
-    a, b = orientations[left], orientations[left + 1]
-    near = np.where(np.sum(a * b, axis=1, keepdims=True) < 0.0, -b, b)
-    arc = angle_between(a, near) / 2.0
-    safe = np.where(arc > _SMALL, arc, 1.0)
-    weight_a = np.where(arc > _SMALL, np.sin((1.0 - share) * arc) / np.sin(safe), 1.0 - share)
-    weight_b = np.where(arc > _SMALL, np.sin(share * arc) / np.sin(safe), share)
-    mixed = weight_a[:, None] * a + weight_b[:, None] * near
-    mixed /= np.linalg.norm(mixed, axis=1, keepdims=True)
-    mixed[share == 0.0] = a[share == 0.0]
-    mixed[share == 1.0] = b[share == 1.0]
-    return np.asarray(mixed)
+    inside = np.clip(at, times[0], times[-1])
+    found = np.asarray(Slerp(times, Rotation.from_quat(orientations))(inside).as_quat())
+    following = np.searchsorted(times, inside)
+    known = times[following] == inside
+    found[known] = orientations[following[known]]
+    return found

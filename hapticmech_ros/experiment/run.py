@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -160,12 +161,12 @@ def write_results(
     Raises:
         InvalidInputError: a reference of another scene or another point.
     """
-    folder = Path(out_dir)
-    folder.mkdir(parents=True, exist_ok=True)
     summary = summarise(record, scene, graph)
     if reference is not None:
         summary["agreement"] = compare(record, reference)
-    return _written(summary, folder, write_figures(record, scene, folder, reference))
+    return _written(
+        summary, Path(out_dir), lambda folder: write_figures(record, scene, folder, reference)
+    )
 
 
 def write_shared_results(
@@ -190,17 +191,22 @@ def write_shared_results(
     Raises:
         InvalidInputError: a reference of another scene or other points.
     """
-    folder = Path(out_dir)
-    folder.mkdir(parents=True, exist_ok=True)
     summary = summarise_shared(record, scene, graph)
     if reference is not None:
         for point, user in record.users.items():
             summary["users"][point]["agreement"] = compare(user, reference.users[point])
-    return _written(summary, folder, write_shared_figures(record, scene, folder, reference))
+    return _written(
+        summary,
+        Path(out_dir),
+        lambda folder: write_shared_figures(record, scene, folder, reference),
+    )
 
 
-def _written(summary: dict[str, Any], folder: Path, figures: list[Path]) -> dict[str, Any]:
-    summary["figures"] = [str(path.relative_to(folder)) for path in figures]
+def _written(
+    summary: dict[str, Any], folder: Path, draw: Callable[[Path], list[Path]]
+) -> dict[str, Any]:
+    folder.mkdir(parents=True, exist_ok=True)
+    summary["figures"] = [str(path.relative_to(folder)) for path in draw(folder)]
     text = json.dumps(summary, indent=2, allow_nan=False)
     (folder / FAILURE).unlink(missing_ok=True)  # of an earlier run
     (folder / SUMMARY).write_text(text + "\n", encoding="utf-8")

@@ -12,7 +12,7 @@ from __future__ import annotations
 import os
 import stat
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
@@ -91,16 +91,17 @@ def check_file(path: str | os.PathLike[str], limit: int | None = None) -> int:
 
 def exists(path: str | os.PathLike[str]) -> bool:
     """Return whether anything is there; a name that cannot be one (too long) names nothing."""
-    try:
-        return Path(path).exists()
-    except (OSError, ValueError):
-        return False
+    return _holds(Path.exists, path)
 
 
 def is_file(path: str | os.PathLike[str]) -> bool:
     """Return whether a regular file is there; a name that cannot be one (too long) names none."""
+    return _holds(Path.is_file, path)
+
+
+def _holds(question: Callable[[Path], bool], path: str | os.PathLike[str]) -> bool:
     try:
-        return Path(path).is_file()
+        return question(Path(path))
     except (OSError, ValueError):
         return False
 
@@ -121,10 +122,8 @@ PACKAGE = "hapticmech_ros"
 
 def shared(relative: str) -> Path | None:
     """Return the first existing ``relative`` file or folder of the package's data, or None."""
-    for folder in _folders():
-        if (folder / relative).exists():
-            return folder / relative
-    return None
+    candidates = (folder / relative for folder in _folders())
+    return next((one for one in candidates if one.exists()), None)
 
 
 def _folders() -> Iterator[Path]:

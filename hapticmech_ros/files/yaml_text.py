@@ -37,9 +37,12 @@ _WORDS: dict[str, object] = {
     **dict.fromkeys(("-.inf", "-.Inf", "-.INF"), float("-inf")),
     **dict.fromkeys((".nan", ".NaN", ".NAN"), float("nan")),
 }
-_DECIMAL = re.compile(r"[-+]?[0-9]+")
-_OTHER_BASE = re.compile(r"0o[0-7]+|0x[0-9a-fA-F]+")
-_FLOAT = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?")
+# Forms of numbers, and what reads them.
+_NUMBERS: tuple[tuple[re.Pattern[str], Callable[[str], int | float]], ...] = (
+    (re.compile(r"[-+]?[0-9]+"), int),
+    (re.compile(r"0o[0-7]+|0x[0-9a-fA-F]+"), lambda text: int(text, 0)),
+    (re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"), float),
+)
 _NUMERIC = frozenset("+-.0123456789")
 _TAG = "tag:yaml.org,2002:"
 
@@ -206,25 +209,14 @@ class _Reader:
             return _WORDS[text]
         if text[0] not in _NUMERIC:
             return text
-        number = _number_of(text)
-        if number is None:
-            return text
-        if len(text) > NUMBER_LIMIT:
+        read = next((read for form, read in _NUMBERS if form.fullmatch(text)), str)
+        if read is not str and len(text) > NUMBER_LIMIT:
             rule = f"a number has at most {NUMBER_LIMIT} characters"
             raise self._error(event, text, rule)
-        return number(text)
+        return read(text)
 
     def _error(self, event: Any, value: object, rule: str) -> FileError:
         return FileError(self._source, value, rule, _line(event.start_mark.line))
-
-
-def _number_of(text: str) -> Callable[[str], int | float] | None:
-    """Return a converter of a text to a number; None if it is none."""
-    if _DECIMAL.fullmatch(text):
-        return int
-    if _OTHER_BASE.fullmatch(text):
-        return lambda written: int(written, 0)
-    return float if _FLOAT.fullmatch(text) else None
 
 
 def _line(number: int) -> str:

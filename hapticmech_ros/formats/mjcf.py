@@ -21,6 +21,7 @@ from hapticmech_ros.formats.mjcf_equalities import Equalities
 from hapticmech_ros.formats.model import (
     DRAWN,
     SENSED,
+    UNKNOWN,
     WHY_ELSEWHERE,
     WORLD,
     Body,
@@ -77,7 +78,6 @@ SILENT = (
     *("compiler", "option", "size", "visual", "statistic", "asset", "default", "worldbody"),
     *("keyframe", "equality"),
 )
-UNKNOWN = "not of a mechanism, or not known"
 
 
 def read_mjcf(source: Source) -> Model:

@@ -109,8 +109,11 @@ OF_KEYS = ("name", "qpos", "qvel")
 # Advice for MuJoCo's errors.
 ADVICE = {"only HINGE and SLIDE": ": write it as such joints, or hold its body by <weld>"}
 # Kinds of elements by the prefix of their arrays' names.
-KINDS = {"body": "body", "jnt": "joint", "geom": "geom", "site": "site", "eq": "equality"}
-KINDS |= {"tendon": "tendon", "key": "key"}
+KINDS = {
+    **{kind: kind for kind in ("body", "geom", "site", "tendon", "key")},
+    "jnt": "joint",
+    "eq": "equality",
+}
 
 
 class Compiled:

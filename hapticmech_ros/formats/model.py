@@ -28,6 +28,7 @@ WHY_ELSEWHERE = "write armature at the joints that it moves"
 # A loop of the file that the scene has not closed; its notes come first.
 LEFT_OPEN = "loop left open"
 SENSED = "only poses and wrenches are sensed"
+UNKNOWN = "not of a mechanism, or not known"
 # Elements for pictures and sensors only; and motors, controllers, contacts.
 _UNFELT = ("visual", "material", "geom", "camera", "light", "sensor")
 _IDLE = (

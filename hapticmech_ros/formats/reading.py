@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -103,12 +103,17 @@ def left_out(path: Path) -> LeftOut:
     document = written_document(path)
     if not isinstance(document, Mapping) or "model" not in document:
         return LeftOut()
-    part = _model_part(document["model"], path)
-    imported = read_model(path.parent / part.file, part.base == "free", part.name)
+    _, imported = _read(document["model"], path)
     there = used(document, imported)
     notes = sorted((*imported.notes, *notes_of_shapes(imported, there)), key=lambda one: one.rank)
-    nameable = (name for name, solid in imported.shapes.items() if solid.kind in KINDS)
-    return LeftOut(tuple(notes), tuple(name for name in nameable if name not in there))
+    return LeftOut(tuple(notes), tuple(_unused(imported, there)))
+
+
+def _unused(imported: Imported, there: Collection[str]) -> Iterator[str]:
+    """Yield the names of shapes that contacts of the scene could name, and do not."""
+    for name, solid in imported.shapes.items():
+        if solid.kind in KINDS and name not in there:
+            yield name
 
 
 def drawn_shapes(path: Path) -> tuple[Shape, ...]:
@@ -123,11 +128,11 @@ def drawn_shapes(path: Path) -> tuple[Shape, ...]:
     document, found = written_document(path), []
     if not isinstance(document, Mapping) or "model" not in document:
         return ()
-    part = _model_part(document["model"], path)
-    imported = read_model(path.parent / part.file, part.base == "free", part.name)
+    _, imported = _read(document["model"], path)
     solids = {f"visual_{number}_of_file": solid for number, solid in enumerate(imported.visuals, 1)}
     if not solids:
-        solids = {name: imported.shapes[name] for name in left_out(path).shapes}
+        there = used(document, imported)
+        solids = {name: imported.shapes[name] for name in _unused(imported, there)}
     for name, solid in solids.items():
         with suppress(SceneError, ValidationError):
             found.append(Shape.model_validate(document_of_shape(name, solid, imported)))
@@ -182,8 +187,7 @@ def expand(document: Mapping[str, Any], source: Path) -> Document:
         SceneError: see :func:`read_model`; or something breaks a rule, which is named by its link,
             not by a number that no file has.
     """
-    part = _model_part(document["model"], source)
-    imported = read_model(source.parent / part.file, part.base == "free", part.name)
+    part, imported = _read(document["model"], source)
     found: Document = {"hand": NO_HAND, **imported.document}
     own = _in_links({k: v for k, v in document.items() if k != "model"}, imported)
     if "links" in own:
@@ -209,12 +213,14 @@ def expand(document: Mapping[str, Any], source: Path) -> Document:
         raise _named(error, found["links"], imported, file) from None
 
 
-def _model_part(written: object, source: Path) -> ModelPart:
+def _read(written: object, source: Path) -> tuple[ModelPart, Imported]:
+    """Return the ``model`` of a scene's document, and the model in its file."""
     given = {"file": written} if isinstance(written, str) else written
     try:
-        return ModelPart.model_validate(given)
+        part = ModelPart.model_validate(given)
     except ValidationError as error:
         raise SceneError(str(source), problems_of(error, "model")) from None
+    return part, read_model(source.parent / part.file, part.base == "free", part.name)
 
 
 def _begin_at_keyframe(own: Document, imported: Imported, source: str) -> None:

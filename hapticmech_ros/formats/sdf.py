@@ -23,6 +23,7 @@ from hapticmech_ros.formats.model import (
     ROTOR,
     ROTOR_ELSEWHERE,
     SENSED,
+    UNKNOWN,
     WHY_ELSEWHERE,
     WORLD,
     Body,
@@ -36,7 +37,7 @@ from hapticmech_ros.formats.model import (
     from_z,
 )
 from hapticmech_ros.formats.sdf_frames import HERE, OF_MODEL, Frames, Scope, opened
-from hapticmech_ros.formats.shapes import SIZES, find_mesh, not_zero, refused_kind, sized
+from hapticmech_ros.formats.shapes import SIZES, find_mesh, not_zero, refused_kind, sized, solid_of
 from hapticmech_ros.formats.xml_nodes import Node, Source
 from hapticmech_ros.scene.part import LARGEST
 
@@ -71,7 +72,6 @@ WHY = {
     "limit effort": "joints have no motors: only the hand and the scene move them",
     "limit velocity": "joints have no motors: only the hand and the scene move them",
 }
-UNKNOWN = "not of a mechanism, or not known"
 FLAGS = {"true": True, "1": True, "false": False, "0": False}
 # m per turn, right-handed; and its older form, rad/m, left-handed.
 PITCH, OLD_PITCH = "screw_thread_pitch", "thread_pitch"
@@ -227,7 +227,7 @@ class _Reader:
         for tag, kept in (("collision", self.solids), ("visual", self.visuals)):
             for part in link.all(tag):
                 place = partial(self.frames.within, part, name)
-                kept.append(solid_of(self.source, part, name, place))
+                kept.append(solid_of(self.source, part, name, place, _shape_of, SHAPE_KINDS))
         inertial = link.first("inertial")
         if inertial is None:
             # SDFormat's own default.
@@ -383,14 +383,12 @@ class _Reader:
         written = axis.first("xyz")
         if written is None:
             return np.array((0.0, 0.0, 1.0))
-        vector = np.array(self.source.numbers(written, written.text, 3, "an axis"))
-        size = float(np.linalg.norm(vector))
-        if not size > 0.0:
-            raise self.source.error(written, vector.tolist(), "an axis must not be zero")
+        along = self.source.numbers(written, written.text, 3, "an axis")
+        vector = self.source.unit(written, along, "an axis")
         frame = written.attributes.get("expressed_in", "") or self._axes_of(axis, joint)
         if frame:
             vector = place.rotation.T @ self.frames.pose(frame, written).rotation @ vector
-        return np.asarray(vector / size)
+        return vector
 
     def _axes_of(self, axis: Node, joint: Node) -> str:
         """Return the frame of an axis that names none; empty if it is its joint's."""
@@ -475,24 +473,6 @@ SIZE_DEFAULTS = {("capsule", "radius"): 0.5}
 SHAPE_KINDS = {"plane": "half_space"}
 
 
-def solid_of(source: Source, node: Node, link: str, place: Callable[[], pin.SE3]) -> Solid:
-    """Return a <collision> of a link.
-
-    Args:
-        source: the file.
-        node: the element.
-        link: that it is in.
-        place: returns the element's frame in the link's.
-    """
-    geometry = node.first("geometry")
-    shape = geometry.children[0] if geometry is not None and geometry.children else None
-    kind = "nothing" if shape is None else SHAPE_KINDS.get(shape.tag, shape.tag)
-    name = node.attributes.get("name", "").strip()
-    if shape is None:
-        shape = node
-    return Solid(name, link, kind, "collision", partial(_shape_of, source, shape, kind, place))
-
-
 def _shape_of(
     source: Source, shape: Node, kind: str, place: Callable[[], pin.SE3]
 ) -> tuple[pin.SE3, Document]:
@@ -521,8 +501,4 @@ def _shape_of(
 
 def _above(source: Source, shape: Node) -> pin.SE3:
     """Return a frame whose z axis is a plane's normal."""
-    normal = np.array(source.inside(shape, "normal", (0.0, 0.0, 1.0)))
-    size = float(np.linalg.norm(normal))
-    if not size > 0.0:
-        raise source.error(shape, normal.tolist(), "a normal must not be zero")
-    return from_z(normal / size)
+    return from_z(source.unit(shape, source.inside(shape, "normal", (0.0, 0.0, 1.0)), "a normal"))

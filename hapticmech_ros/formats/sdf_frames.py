@@ -296,8 +296,13 @@ class Frames:
 HERE = "__model__"
 # Attributes and elements that name links, joints and frames of their model.
 NAMING = {"relative_to", "attached_to", "expressed_in"}
-NAMING_ELEMENTS = {"parent", "child", "gearbox_reference_body"}
-NAMING_ELEMENTS |= {f"{BALL}_body_A", f"{BALL}_body_B"}
+NAMING_ELEMENTS = {
+    "parent",
+    "child",
+    "gearbox_reference_body",
+    f"{BALL}_body_A",
+    f"{BALL}_body_B",
+}
 NAMED = {"link", "joint", "frame"}
 # Characters of the names of models that are in each other; every name in them begins so.
 PREFIX_LIMIT = 200

@@ -11,7 +11,9 @@ import os
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 from urllib.parse import unquote
 
@@ -150,7 +152,11 @@ def with_shapes(document: Document, imported: Imported, source: str) -> Document
     own, written = _own(document), document.get("shapes", [])
     names = _by_either_name(imported)
     problems = [
-        SceneProblem(f"contacts[{index}].{side}", name, _unknown(own, imported))
+        SceneProblem(
+            f"contacts[{index}].{side}",
+            name,
+            f"unknown shape: the scene file has {_shown(own)}, the model {_shown(imported.shapes)}",
+        )
         for index, side, name in _ends(contacts)
         if name not in own and name not in names
     ]
@@ -194,6 +200,31 @@ SIZES = {
     "capsule": {"radius": 1, "length": 1},
     "box": {"size": 3},
 }
+
+
+def solid_of(
+    source: Source,
+    node: Node,
+    link: str,
+    place: Callable[[], pin.SE3],
+    read: Callable[[Source, Node, str, Callable[[], pin.SE3]], tuple[pin.SE3, Document]],
+    kinds: Mapping[str, str] = MappingProxyType({}),
+) -> Solid:
+    """Return a <collision> or <visual> of a link, of URDF or SDF.
+
+    Args:
+        source: the file.
+        node: the element.
+        link: that it is in.
+        place: returns the element's frame in the link's.
+        read: returns a shape of a kind: its frame in the link's, and the scene's document of it.
+        kinds: the scene's kinds of shapes, where the file has other names for them.
+    """
+    geometry = node.first("geometry")
+    shape = geometry.children[0] if geometry is not None and geometry.children else node
+    kind = "nothing" if shape is node else kinds.get(shape.tag, shape.tag)
+    name = node.attributes.get("name", "").strip()
+    return Solid(name, link, kind, "collision", partial(read, source, shape, kind, place))
 
 
 def sized(
@@ -273,10 +304,6 @@ def document_of_shape(name: str, solid: Solid, imported: Imported) -> Document:
     place, geometry = solid.read()
     link, own = imported.places.get(solid.body, ("world", pin.SE3.Identity()))
     return {"name": name, "link": link, "origin": origin_of(own * place), "geometry": geometry}
-
-
-def _unknown(own: Collection[str], imported: Imported) -> str:
-    return f"unknown shape: the scene file has {_shown(own)}, the model {_shown(imported.shapes)}"
 
 
 def _shown(names: Collection[str]) -> str:

@@ -13,6 +13,8 @@ from hapticmech_ros.formats.model import Document
 from hapticmech_ros.mechanism.inertia import SingularInertiaError, cholesky_of_upper
 from hapticmech_ros.mechanism.model import authored_state, build_tree
 from hapticmech_ros.scene import Scene, scene_from_document
+from hapticmech_ros.scene.mechanism import Inertia
+from hapticmech_ros.scene.rules import inertia_matrix
 
 # A stop and its joint's inertia oscillate at this over the step, rad: explicit rules allow 2.8, and
 # so the inertia may fall to a hundredth.
@@ -138,9 +140,8 @@ def _inertia_met(scene: Scene) -> dict[str, float]:
 
 
 def _has_inertia(link: Document) -> bool:
-    i = link["inertial"]["inertia"]
-    rows = [[i["ixx"], i["ixy"], i["ixz"]], [i["ixy"], i["iyy"], i["iyz"]]]
-    moments = np.linalg.eigvalsh(np.array([*rows, [i["ixz"], i["iyz"], i["izz"]]]))
+    inertia = Inertia.model_construct(**link["inertial"]["inertia"])
+    moments = np.linalg.eigvalsh(inertia_matrix(inertia))
     return bool(link["inertial"]["mass"] > 0.0 and moments.min() > 0.0)
 
 

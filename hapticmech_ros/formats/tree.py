@@ -36,6 +36,7 @@ from hapticmech_ros.formats.model import (
     origin_of,
 )
 from hapticmech_ros.formats.shapes import named
+from hapticmech_ros.scene.mechanism import MOMENTS
 from hapticmech_ros.scene.rules import VELOCITY_SIZE
 
 # Moments this far below zero, as a share of the largest, are rounding of the file.
@@ -339,12 +340,10 @@ class _Builder:
             turned = np.zeros((3, 3))
         inertia, raised = balanced(turned)
         self._raised += raised
-        keys = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2)}
-        keys |= {"ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
         return {
             "mass": float(body.mass),
-            "com": _floats(place.act(body.com)),
-            "inertia": {key: float(inertia[at]) for key, at in keys.items()},
+            "com": place.act(body.com).tolist(),
+            "inertia": {key: float(inertia[at]) for key, at in MOMENTS.items()},
         }
 
     def _loop_joint(self, loop_joint: LoopJoint) -> Document:
@@ -441,7 +440,7 @@ class _Builder:
 def _joint(hinge: Joint, name: str, origin: pin.SE3) -> Document:
     found: Document = {"name": name, "type": hinge.type, "origin": origin_of(origin)}
     if hinge.type in ("revolute", "prismatic"):
-        found["axis"] = _floats(hinge.axis)
+        found["axis"] = hinge.axis.tolist()
     values: Mapping[str, Any] = {
         "damping": hinge.damping,
         "armature": hinge.armature,
@@ -474,7 +473,3 @@ def _acts(hinge: Joint) -> bool:
     """Return whether anything acts in a joint."""
     acting = hinge.damping or hinge.friction or hinge.stiffness or hinge.armature or hinge.limits
     return bool(acting)
-
-
-def _floats(values: Sequence[float] | np.ndarray) -> list[float]:
-    return [float(value) for value in values]

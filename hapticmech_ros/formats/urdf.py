@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -27,6 +27,7 @@ from hapticmech_ros.formats.model import (
     ROTOR,
     ROTOR_ELSEWHERE,
     SENSED,
+    UNKNOWN,
     WHY_ELSEWHERE,
     WORLD,
     Body,
@@ -40,7 +41,7 @@ from hapticmech_ros.formats.model import (
     from_z,
 )
 from hapticmech_ros.formats.sdf import read_joints
-from hapticmech_ros.formats.shapes import SIZES, find_mesh, not_zero, refused_kind, sized
+from hapticmech_ros.formats.shapes import SIZES, find_mesh, not_zero, refused_kind, sized, solid_of
 from hapticmech_ros.formats.xml_nodes import Node, Source
 
 TAG = "gazebo"
@@ -183,22 +184,11 @@ def placement_in(source: Source, node: Node | None) -> pin.SE3:
     return pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array(xyz))
 
 
-def solid_of(source: Source, node: Node, link: str) -> Solid:
-    """Return a <collision> of a link."""
-    geometry = node.first("geometry")
-    kind = geometry.children[0].tag if geometry is not None and geometry.children else "nothing"
-    name = node.attributes.get("name", "").strip()
-    return Solid(name, link, kind, "collision", partial(_read, source, node, kind))
-
-
-def _read(source: Source, node: Node, kind: str) -> tuple[pin.SE3, Document]:
-    place = placement_in(source, node.first("origin"))
-    geometry = node.first("geometry")
-    if geometry is None or not geometry.children:
-        raise refused_kind(source, node, kind)
-    shape = geometry.children[0]
+def _shape_of(
+    source: Source, shape: Node, kind: str, place: Callable[[], pin.SE3]
+) -> tuple[pin.SE3, Document]:
     if kind in SIZES:
-        return place, sized(
+        return place(), sized(
             source,
             shape,
             kind,
@@ -208,7 +198,7 @@ def _read(source: Source, node: Node, kind: str) -> tuple[pin.SE3, Document]:
         raise refused_kind(source, shape, kind)
     file = find_mesh(source, shape, source.text(shape, "filename"), source.path.parent)
     scale = not_zero(source, shape, source.values(shape, "scale", (1.0, 1.0, 1.0)))
-    return place, {"kind": kind, "file": str(file), "scale": scale}
+    return place(), {"kind": kind, "file": str(file), "scale": scale}
 
 
 JOINT_TYPES = {
@@ -236,7 +226,6 @@ WHY = {
     **loops.WHY,
 }
 LINK_KNOWN = {"inertial", "collision"}
-UNKNOWN = "not of a mechanism, or not known"
 FIRST_NUMBERS = (1.0, 0.0, 0.0)
 # Limits are often written as the largest number there is.
 ANY = math.inf
@@ -265,8 +254,10 @@ def read_urdf(source: Source) -> Model:
                 rule = "names of links must be unique"
                 raise source.twice(node, body.name, links[body.name], rule)
             bodies[body.name], links[body.name] = body, node
-            solids += [solid_of(source, one, body.name) for one in node.all("collision")]
-            visuals += [solid_of(source, one, body.name) for one in node.all("visual")]
+            for tag, kept in (("collision", solids), ("visual", visuals)):
+                for part in node.all(tag):
+                    place = partial(placement_in, source, part.first("origin"))
+                    kept.append(solid_of(source, part, body.name, place, _shape_of))
         elif node.tag == "joint":
             hinge = _hinge(source, node, notes)
             if hinge.name in joints:
@@ -283,7 +274,12 @@ def read_urdf(source: Source) -> Model:
             if name not in bodies and name != WORLD:
                 rule = f"joint {hinge.name!r} needs this link{nearest(name, bodies)}"
                 raise source.error(joints[hinge.name], name, rule)
-    points = _frames(source, others, bodies)
+    # Drake's frames, fixed in links.
+    points = [
+        Point(_name(node), node.attributes["link"], placement_in(source, node))
+        for node in others
+        if node.tag == "frame" and _name(node) and node.attributes.get("link") in bodies
+    ]
     loop_joints = [ball_constraint(source, node, bodies) for node in others if node.tag == BALL]
     gazebo = GazeboTags(_with_rotors(source, hinges, notes), bodies)
     gazebo.read(source, tags, joints, notes)
@@ -309,15 +305,6 @@ def read_urdf(source: Source) -> Model:
         },
         visuals=visuals,
     )
-
-
-def _frames(source: Source, nodes: Sequence[Node], bodies: Mapping[str, Body]) -> list[Point]:
-    """Return Drake's frames, fixed in links."""
-    return [
-        Point(_name(node), node.attributes["link"], placement_in(source, node))
-        for node in nodes
-        if node.tag == "frame" and _name(node) and node.attributes.get("link") in bodies
-    ]
 
 
 def _name(node: Node) -> str:
@@ -399,11 +386,7 @@ def _link_of(source: Source, node: Node, end: str) -> str:
 
 def _axis(source: Source, node: Node) -> np.ndarray:
     written = node.first("axis")
-    axis = np.array(source.values(written, "xyz", FIRST_NUMBERS))
-    size = float(np.linalg.norm(axis))
-    if not size > 0.0:
-        raise source.error(written, axis.tolist(), "an axis must not be zero")
-    return np.asarray(axis / size)
+    return source.unit(written, source.values(written, "xyz", FIRST_NUMBERS), "an axis")
 
 
 def _limits(

@@ -14,8 +14,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
 
+import numpy as np
+
 from hapticmech_ros.errors import FileError, SceneError, scene_error
 from hapticmech_ros.files import read_file
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene.part import LARGEST
 
 FILE_SIZE_LIMIT = 8_000_000
@@ -27,9 +30,8 @@ _DECLARATION = re.compile(r"(?:\xef\xbb\xbf)?(\s*)(<\?xml\s[^<>?]*\?>)")
 _ENCODING = re.compile(r"encoding\s*=\s*[\"']([^\"']*)[\"']")
 _BLANK = re.compile(r"(?:\xef\xbb\xbf)?\s*<\?\s+xml\s")
 _SHOWN = re.compile(r"[^\r\n]")
-# Starts and ends of parts that are no markup.
-_APART = {"<!--": "-->", "<![CDATA[": "]]>", "<?": "?>"}
-_BEGIN = re.compile("|".join(re.escape(one) for one in _APART))
+# Parts that are no markup, up to the end of the text if they lack their own.
+_APART = re.compile(r"(?s:<!--.*?(?:-->|\Z)|<!\[CDATA\[.*?(?:\]\]>|\Z)|<\?.*?(?:\?>|\Z))")
 
 
 @dataclass(slots=True)
@@ -69,14 +71,6 @@ class Node:
             pending += reversed(node.children)
 
 
-@dataclass(slots=True)
-class _Sizes:
-    """Of a file and those that it includes."""
-
-    bytes: int = 0
-    nodes: int = 0
-
-
 class Source:
     """An XML file, and the errors that name it.
 
@@ -96,7 +90,9 @@ class Source:
     def __init__(self, path: Path, within: Source | None = None, depth: int = 0) -> None:
         self.path = path
         self._depth, self._file = depth, None if within is None else path
-        self._sizes: _Sizes = _Sizes() if within is None else within._sizes
+        # Its limits are for it and all files that it includes.
+        self._outermost: Source = self if within is None else within._outermost
+        self._bytes = self._elements = 0
         try:
             self.root = self._nodes(self._read())
         except FileError as error:
@@ -193,12 +189,24 @@ class Source:
             return tuple(default)
         return self.numbers(found, found.text, len(default), tag, largest)
 
+    def unit(self, node: Node | None, vector: Sequence[float], what: str) -> Array:
+        """Return a vector (3,) with a length of 1.
+
+        Raises:
+            SceneError: it is zero.
+        """
+        found = np.array(vector)
+        size = float(np.linalg.norm(found))
+        if not size > 0.0:
+            raise self.error(node, found.tolist(), f"{what} must not be zero")
+        return np.asarray(found / size)
+
     def _read(self) -> bytes:
         found = read_file(self.path, FILE_SIZE_LIMIT)
-        self._sizes.bytes += len(found)
-        if self._sizes.bytes > FILE_SIZE_LIMIT:
+        self._outermost._bytes += len(found)
+        if self._outermost._bytes > FILE_SIZE_LIMIT:
             rule = f"at most {FILE_SIZE_LIMIT} bytes, included files counted"
-            raise self.error(None, self._sizes.bytes, rule)
+            raise self.error(None, self._outermost._bytes, rule)
         return found
 
     def _nodes(self, data: bytes) -> Node:
@@ -207,19 +215,20 @@ class Source:
         Raises:
             FileError: not XML, too large or too deep; entities are refused.
         """
-        file, sizes = str(self.path), self._sizes
+        file, outermost = str(self.path), self._outermost
         above, texts = [Node("", {}, 0)], [[""]]
         # As text in which a character is a byte, whatever the file's encoding is.
         text, encoding = _as_parsers_take_it(data.decode("latin-1"))
         parser = expat.ParserCreate(encoding)
 
         def start(tag: str, attributes: dict[str, str]) -> None:
-            sizes.nodes += 1
+            outermost._elements += 1
             line = parser.CurrentLineNumber
             deep = len(above) + self._depth
             where = f"line {line}, <{tag}>"
-            if sizes.nodes > NODE_LIMIT:
-                raise FileError(file, sizes.nodes, f"at most {NODE_LIMIT} elements", where)
+            if outermost._elements > NODE_LIMIT:
+                rule = f"at most {NODE_LIMIT} elements"
+                raise FileError(file, outermost._elements, rule, where)
             if deep > DEPTH_LIMIT:
                 raise FileError(file, deep, f"at most {DEPTH_LIMIT} elements in each other", where)
             if len(attributes) > ATTRIBUTE_LIMIT:
@@ -270,18 +279,12 @@ def _as_parsers_take_it(text: str) -> tuple[str, str | None]:
         if start[1] or is_alias:
             encoding = "UTF-8" if is_alias else named or None
             text = text[: start.start(2)] + _SHOWN.sub(" ", start[2]) + text[start.end() :]
-    parts, at = [], 0
-    while (begin := _BEGIN.search(text, at)) is not None:
-        ending = _APART[begin[0]]
-        inside = begin.end()
-        end = text.find(ending, inside)
-        if end < 0:
-            break
-        after = end + len(ending)
-        parts.append(text[at : begin.start()])
-        part = text[begin.start() : after]
-        # The last hyphen of a comment such as <!-- a ---> counts too.
-        is_strange = begin[0] == "<!--" and "--" in text[inside : end + 1]
-        parts.append(_SHOWN.sub(" ", part) if is_strange else part)
-        at = after
-    return "".join((*parts, text[at:])), encoding
+    return _APART.sub(_accepted, text), encoding
+
+
+def _accepted(found: re.Match[str]) -> str:
+    """Return a part that is no markup; blanks for a comment that expat refuses."""
+    part = found[0]
+    is_comment = part.startswith("<!--") and part.endswith("-->")
+    # The last hyphen of a comment such as <!-- a ---> counts too.
+    return _SHOWN.sub(" ", part) if is_comment and "--" in part[4:-2] else part

@@ -280,9 +280,7 @@ class Service:
     def _spoilt(self, text: str) -> str:
         """Return a frame, changed at random now and then."""
         chance = self._chance
-        if chance.random() >= self._faults.garbage:
-            return text
-        return spoilt(text, chance)
+        return spoilt(text, chance) if chance.random() < self._faults.garbage else text
 
 
 def spoilt(text: str, chance: random.Random) -> str:

@@ -55,6 +55,7 @@ class Link:
         InvalidInputError: no such address.
 
     Attributes:
+        is_open: whether messages can be sent.
         problem: why there is no connection; empty if there is one.
         unanswered: whether a message waits for its answer.
         connections: how many have been made.
@@ -68,16 +69,11 @@ class Link:
         self._protocol = _protocol(uri)
         self._frames: list[str] = []
         self._parts = bytearray()
-        self._opened, self._greeted = False, False
+        self.is_open, self._greeted = False, False
         self._again = self._until = 0.0
         self.problem = "not connected yet"
         self.unanswered = False
         self.connections = 0
-
-    @property
-    def is_open(self) -> bool:
-        """Whether messages can be sent."""
-        return self._opened
 
     def look(self) -> None:
         """Receive without waiting, and go on connecting if there is no connection."""
@@ -87,18 +83,18 @@ class Link:
             else:
                 self._go_on(self._socket, 0.0)
         except (OSError, LinkError) as error:
-            self._end(str(error))
+            self.close(str(error))
 
     def send(self, text: str) -> bool:
         """Send a message, if the last one has been answered; return whether it was sent."""
-        if self._socket is None or not self._opened or self.unanswered:
+        if self._socket is None or not self.is_open or self.unanswered:
             return False
         self._protocol.send_text(text.encode())
         self.unanswered = True
         try:
             self._flush(self._socket)
         except (OSError, LinkError) as error:
-            self._end(str(error))
+            self.close(str(error))
             return False
         return True
 
@@ -114,7 +110,7 @@ class Link:
             try:
                 self._go_on(self._socket, max(left, 0.0))
             except (OSError, LinkError) as error:
-                self._end(str(error))
+                self.close(str(error))
             if left <= 0.0:
                 break
         found = list(self._frames)
@@ -123,7 +119,11 @@ class Link:
 
     def close(self, reason: str = "closed") -> None:
         """End the connection now; the next is not tried before a while."""
-        self._end(reason)
+        if self._socket is not None:
+            self._socket.close()
+        self._socket, self.is_open, self.unanswered = None, False, False
+        self.problem = f"{self._uri}: {reason}"
+        self._again = max(self._again, time.monotonic() + RETRY_S)
 
     def _begin(self) -> None:
         """Try to connect, now and then."""
@@ -154,7 +154,7 @@ class Link:
             return
         readable, _, _ = select.select([link], [], [], wait)
         if not readable:
-            if not self._opened and time.monotonic() > self._until:
+            if not self.is_open and time.monotonic() > self._until:
                 raise LinkError("it does not answer")
             return
         data = link.recv(_CHUNK)
@@ -189,7 +189,7 @@ class Link:
             if not isinstance(event, Frame):
                 if self._protocol.handshake_exc is not None:
                     raise LinkError(f"no such service: {self._protocol.handshake_exc}")
-                self._opened, self.unanswered, self.problem = True, False, ""
+                self.is_open, self.unanswered, self.problem = True, False, ""
                 self.connections += 1
             elif event.opcode in (Opcode.TEXT, Opcode.BINARY, Opcode.CONT):
                 self._parts += event.data
@@ -212,13 +212,6 @@ class Link:
                 link.shutdown(socket.SHUT_WR)
             elif link.send(data) < len(data):
                 raise LinkError("it takes no more messages")
-
-    def _end(self, reason: str) -> None:
-        if self._socket is not None:
-            self._socket.close()
-        self._socket, self._opened, self.unanswered = None, False, False
-        self.problem = f"{self._uri}: {reason}"
-        self._again = max(self._again, time.monotonic() + RETRY_S)
 
 
 def _place(uri: str) -> tuple[str, int]:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+from scipy.spatial.transform import Rotation
 
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.haply.messages import (
@@ -75,12 +76,8 @@ def mounting_of(start: Array, along_x: Array, along_y: Array) -> Mounting:
     if abs(skew) > SKEWEST:
         rule = f"must be 90° within {np.rad2deg(SKEWEST):.0f}°"
         raise InvalidInputError("angle of the movements", f"{np.rad2deg(skew) + 90.0:.0f}°", rule)
-    sum_of_pairs = np.zeros((3, 3))
-    for axis, direction in enumerate(directions):
-        sum_of_pairs[axis] += direction
-    left, _, right = np.linalg.svd(sum_of_pairs)
-    sign = np.diag((1.0, 1.0, float(np.linalg.det(left) * np.linalg.det(right))))
-    return Mounting(left @ sign @ right, skew)
+    rotation, _ = Rotation.align_vectors(np.eye(3)[:2], directions)
+    return Mounting(rotation.as_matrix(), skew)
 
 
 def reach_of(path: Array) -> tuple[Array, float]:

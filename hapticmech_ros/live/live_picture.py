@@ -438,16 +438,13 @@ class LivePicture:
             The operational point that the hand holds: of several at that place the nearest one to
             the ray; None if none is meant.
         """
-        ray = (place - eye) / max(float(np.linalg.norm(place - eye)), 1e-12)
-        aside = {}
-        for user in state.users:
-            there = user.device[:, 3] - eye
-            aside[user.point] = float(np.linalg.norm(there - (there @ ray) * ray))
-        if not aside:
+        if not state.users:
             return None
-        nearest = min(aside, key=aside.__getitem__)
-        within = aside[nearest] < 0.5 * _BALL * DEVICE_DIAMETER * self.unit
-        return nearest if within else None
+        ray = (place - eye) / max(float(np.linalg.norm(place - eye)), 1e-12)
+        there = np.array([user.device[:, 3] - eye for user in state.users])
+        aside = np.linalg.norm(there - np.outer(there @ ray, ray), axis=1)
+        within = aside.min() < 0.5 * _BALL * DEVICE_DIAMETER * self.unit
+        return state.users[int(aside.argmin())].point if within else None
 
     def _analysis(self, user: UserState) -> OperationalAnalysis:
         analyser = self._analysers[user.point]

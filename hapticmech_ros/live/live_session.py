@@ -77,8 +77,8 @@ def holding(hand: Hand | None, limit: float) -> str:
 _NAME = f"/{STATE.name}"
 
 
-class StateBag:
-    """A bag that is being written.
+class StateBag(BagWriter):
+    """A bag of a session's states that is being written.
 
     Args:
         folder: to make.
@@ -89,12 +89,11 @@ class StateBag:
     """
 
     def __init__(self, folder: str, session: SharedSession) -> None:
-        self.folder = folder
         self._mechanism = mechanism = session.simulator.mechanism
         self._layout = StateLayout(mechanism)
         self._messages = FlatArray(self._layout.fields, self._layout.bounds)
-        self._writer = BagWriter(folder)
-        self._writer.add_topic(_NAME, STATE.type, STATE.qos)
+        super().__init__(folder)
+        self.add_topic(_NAME, STATE.type, STATE.qos)
 
     def add(self, samples: Mapping[str, Sample]) -> None:
         """Add the state of a tick, with F_c at every operational point.
@@ -116,11 +115,7 @@ class StateBag:
         state = WireState(
             stamp_ns, found.active, found.q, found.v, contacts, flat_grasps(scene), commanded
         )
-        self._writer.write(_NAME, stamp_ns, self._messages.encode(self._layout.pack(state)))
-
-    def close(self) -> None:
-        """Write the rest, and close."""
-        self._writer.close()
+        self.write(_NAME, stamp_ns, self._messages.encode(self._layout.pack(state)))
 
 
 # Real time (s) of ticks computed at once; then commands are received again.
@@ -144,6 +139,7 @@ class LiveSession:
 
     Attributes:
         session: of the scene as it is.
+        is_behind: whether more ticks are due than were done.
 
     Raises:
         HapticMechError: the scene is refused, or cannot begin.
@@ -153,7 +149,7 @@ class LiveSession:
         self._number = 0
         self._factor = 1.0
         self._error = ""
-        self._paused, self._behind, self._steps = False, False, 0
+        self._paused, self.is_behind, self._steps = False, False, 0
         self._bag: StateBag | None = None
         self._begin(asked, {}, now)
 
@@ -162,11 +158,6 @@ class LiveSession:
         """The report of the running scene."""
         scene = self.session.simulator.scene
         return Opened(self._number, self._asked, scene, self.session.points)
-
-    @property
-    def is_behind(self) -> bool:
-        """Whether more ticks are due than were done."""
-        return self._behind
 
     def take(self, command: Command, now: float) -> Report | None:
         """Execute a command at a time (s); return a report of it, if any."""
@@ -182,7 +173,7 @@ class LiveSession:
         """
         self._dragging.expire(now)
         ticks, period = self._steps, self.session.period
-        self._steps, self._behind = 0, False
+        self._steps, self.is_behind = 0, False
         if not self._paused:
             due = int((now - self._anchor) / period + 1e-6) - self._done
             beyond = due - max(round(MOST_BEHIND_S / period), 1)
@@ -190,7 +181,7 @@ class LiveSession:
                 self._anchor += beyond * period
                 due -= beyond
             ticks = min(due, max(round(AT_ONCE_S / period), 1))
-            self._behind = ticks < due
+            self.is_behind = ticks < due
         if ticks > 0 and not self._error:
             try:
                 self._tick(ticks)
@@ -213,7 +204,7 @@ class LiveSession:
             tuple(self._user_state(point, one) for point, one in self._samples.items()),
             self._dragging.states(),
             changed=self._changed(),
-            recording="" if self._bag is None else self._bag.folder,
+            recording="" if self._bag is None else str(self._bag.path),
             error=self._error,
         )
 
@@ -258,7 +249,7 @@ class LiveSession:
             session.period,
             lambda point: self._samples[point].analysis,
         )
-        self._error, self._behind = "", False
+        self._error, self.is_behind = "", False
         self._number += 1
         self._pause(False, now)
 

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import viser
 import viser.uplot
+from matplotlib.colors import to_hex
 
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.live.commands import (
@@ -119,9 +120,10 @@ def numbers_html(
         cells = "".join(_cell(_swatch(hues[user.point]), user.point) for user in state.users)
         rows.append(f"<tr><td>held at</td>{cells}</tr>")
     of_users = [_of_user(user, frame, state.paused) for user in state.users]
-    for label, name in _OF_USERS if of_users else ():
+    for label, name in of_users[0] if of_users else ():
         ids = [f"{name}-{user.point}" if hues else name for user in state.users]
-        rows.append(_row(label, list(zip(ids, [one[name] for one in of_users], strict=True))))
+        texts = [one[label, name] for one in of_users]
+        rows.append(_row(label, list(zip(ids, texts, strict=True))))
     dragged = [drag.body for drag in state.drags]
     slow = "" if state.paused or state.factor >= _SLOW else " (slower than real time)"
     rate = "paused" if state.paused else f"{state.factor:.2f} × real time{slow}"
@@ -138,27 +140,19 @@ def numbers_html(
     return f'<table style="margin:0.5em 1em;font-size:0.85em">{"".join(rows)}</table>'
 
 
-# Rows of the users: label, and the id of the element.
-_OF_USERS = (
-    ("joint constraints felt", "count"),
-    ("mass felt, kg", "mass"),
-    ("s", "s"),
-    ("force of the hand, N", "force"),
-    ("held by", "holding"),
-)
-
-
-def _of_user(user: UserState, frame: LiveFrame, paused: bool) -> dict[str, str]:
-    """Return a user's values, by the id of their elements."""
+def _of_user(user: UserState, frame: LiveFrame, paused: bool) -> dict[tuple[str, str], str]:
+    """Return a user's values, by label and the id of their elements."""
     masses, s = frame.masses[user.point], frame.analyses[user.point].spectrum.s
     waits = "; nothing moves while paused" if paused else ""
     immovable = f"cannot be dragged: {user.immovable}"
     return {
-        "count": str(user.count),
-        "mass": ", ".join(f"{mass:.3g}" if np.isfinite(mass) else "rigid" for mass in masses),
-        "s": ", ".join(f"{value:.3f}" for value in s),
-        "force": f"{np.linalg.norm(user.hand_wrench[:3]):.2f}",
-        "holding": immovable if user.immovable else user.holding + waits,
+        ("joint constraints felt", "count"): str(user.count),
+        ("mass felt, kg", "mass"): ", ".join(
+            f"{mass:.3g}" if np.isfinite(mass) else "rigid" for mass in masses
+        ),
+        ("s", "s"): ", ".join(f"{value:.3f}" for value in s),
+        ("force of the hand, N", "force"): f"{np.linalg.norm(user.hand_wrench[:3]):.2f}",
+        ("held by", "holding"): immovable if user.immovable else user.holding + waits,
     }
 
 
@@ -178,12 +172,7 @@ def _cell(content: str, text: str = "", columns: int = 1) -> str:
 
 def _swatch(hue: Colour) -> str:
     """Return a square of a user's hue."""
-    return f'<span style="color:{css(hue)}">■</span> '
-
-
-def css(colour: Colour) -> str:
-    """Return a colour as CSS has it, opaque."""
-    return "#" + "".join(f"{round(255 * part):02x}" for part in colour[:3])
+    return f'<span style="color:{to_hex(hue)}">■</span> '
 
 
 # How long plots look back, s, and how often a value is kept.

@@ -13,12 +13,12 @@ import time
 from contextlib import suppress
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
-from types import TracebackType
 
 from hapticmech_ros.compilation.library import COMPILE_TIMEOUT_S
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.live.commands import COMMANDS, Command, Failed, Open, Report, newest
 from hapticmech_ros.live.live_session import AT_ONCE_S, LiveSession
+from hapticmech_ros.system.closing import Closing
 
 
 class Mailbox:
@@ -88,7 +88,7 @@ _NOT_BEGUN = f"the live session did not begin within {_START_S:g} s"
 _ENDED = "the live session's process has ended by itself"
 
 
-class LiveProcess:
+class LiveProcess(Closing["LiveProcess"]):
     """A live session in a child process; may be used from several threads.
 
     As a context manager it ends the child. A child whose parent is gone ends by itself. Its reports
@@ -120,17 +120,6 @@ class LiveProcess:
         except HapticMechError:
             self.close()
             raise
-
-    def __enter__(self) -> LiveProcess:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def send(self, command: Command) -> None:
         """Send the session a command, unless it has ended."""

@@ -29,15 +29,14 @@ LONGEST_DELAY_MS = 100.0
 # Gains range from 0 to so many times the scene's.
 _TIMES = 2.0
 _STEPS = 200
+# Key, label, and whether it is a share, from 0 to 1.
 _GAINS = (
-    ("controller.joint_constraint.stiffness", "constraint stiffness, N/m"),
-    ("controller.joint_constraint.damping", "constraint damping, N s/m"),
-    ("controller.position_channel.stiffness", "coupling stiffness, N/m"),
-    ("controller.position_channel.damping", "coupling damping, N s/m"),
-)
-_SHARES = (
-    ("controller.force_channel.contact", "contact force to the hand"),
-    ("controller.force_channel.hand", "hand force to the mechanism"),
+    ("controller.joint_constraint.stiffness", "constraint stiffness, N/m", False),
+    ("controller.joint_constraint.damping", "constraint damping, N s/m", False),
+    ("controller.position_channel.stiffness", "coupling stiffness, N/m", False),
+    ("controller.position_channel.damping", "coupling damping, N s/m", False),
+    ("controller.force_channel.contact", "contact force to the hand", True),
+    ("controller.force_channel.hand", "hand force to the mechanism", True),
 )
 
 
@@ -66,10 +65,10 @@ class Slider:
 def gain_sliders(scene: Scene) -> list[Slider]:
     """Return the gains of a user's scene that can be changed while it runs."""
     found = []
-    for key, label in _GAINS:
-        value = _value(scene, key)
-        found.append(Slider(key, label, value, _TIMES * value if value > 0.0 else 1.0))
-    found += [Slider(key, label, _value(scene, key), 1.0) for key, label in _SHARES]
+    for key, label, is_share in _GAINS:
+        value = float(reduce(getattr, key.split("."), scene))  # type: ignore[arg-type]
+        highest = 1.0 if is_share or value == 0.0 else _TIMES * value
+        found.append(Slider(key, label, value, highest))
     return found
 
 
@@ -106,8 +105,3 @@ def changes_of(
         own = [p for p, one in zip(places, scene.hands, strict=False) if one.connection is not None]
         changes += [f"{place}connection.delay={1e-3 * delay_ms:.6f}" for place in ("", *own)]
     return tuple(changes)
-
-
-def _value(scene: Scene, key: str) -> float:
-    found: object = reduce(getattr, key.split("."), scene)
-    return float(found)  # type: ignore[arg-type]

@@ -184,7 +184,7 @@ class _Seeker:
         geared = {name for gear in scene.couplings for name in (gear.joint, gear.leader)}
         # Angles that may change by whole turns: nothing but the loops depends on them.
         self._turning = [
-            index
+            self._mechanism.tree.position_slice(index).start
             for index, joint in enumerate(self._mechanism.tree.joints)
             if joint.type == "revolute"
             and joint.limits is None
@@ -289,11 +289,9 @@ class _Seeker:
 
     def _unwound(self, q: Array) -> Array:
         """Return the same configuration with angles within half a turn of those written."""
-        q, tree = q.copy(), self._mechanism.tree
-        for index in self._turning:
-            at = tree.position_slice(index)
-            turns = np.round((q[at] - self.written[at]) / (2.0 * np.pi))
-            q[at] -= 2.0 * np.pi * turns
+        q = q.copy()
+        away = q[self._turning] - self.written[self._turning]
+        q[self._turning] -= 2.0 * np.pi * np.round(away / (2.0 * np.pi))
         return q
 
     def _away(self, one: Array, other: Array) -> float:

@@ -259,15 +259,6 @@ class Choice:
     why: str
 
 
-def choices(run: Running) -> Iterator[Choice]:
-    """Yield all choices; one that is added to the solver must be added here."""
-    yield _integrator(run)
-    yield _configuration(run)
-    yield _path(run)
-    yield _closure_rows(run)
-    yield _stabilisation(run)
-
-
 def _integrator(run: Running) -> Choice:
     taken = run.stepping.integrator
     if run.scene.simulation.integrator != "auto":
@@ -515,7 +506,14 @@ def plan_scene(scene: Scene, point: str = "") -> ScenePlan:
         stages=len(SCHEMES[stepping.integrator].weights),
         period=stepping.period,
         substeps=stepping.substeps,
-        choices=tuple(choices(run)),
+        # One that is added to the solver must be added here.
+        choices=(
+            _integrator(run),
+            _configuration(run),
+            _path(run),
+            _closure_rows(run),
+            _stabilisation(run),
+        ),
         arrays=tuple(ArraySize(name, a.shape, a.nbytes) for name, a in _arrays(run)),
     )
 

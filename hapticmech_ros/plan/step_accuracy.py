@@ -9,10 +9,11 @@ least time.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import get_args
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.scene import Scene
@@ -77,7 +78,7 @@ def step_accuracy(
         show: called with a description of the present work.
     """
     finer = scene.stepped(substeps=scene.simulation.substeps * FINER)
-    duration, what, share = scene.experiment.duration, "", 0.0
+    found, what, share = StepAccuracy(scene.experiment.duration), "", 0.0
 
     def watch(done: float) -> None:
         nonlocal share
@@ -87,42 +88,25 @@ def step_accuracy(
         if is_over is not None and is_over():
             raise _OutOfTime
 
-    account = None
     try:
         what = "steps of the experiment"
         coarse, account = experiment_run(scene, watch)
+        lost = account.damping_loss + account.latch_loss + abs(account.contact_loss)
+        found = replace(
+            found,
+            surplus_j=account.surplus,
+            exchanged_j=abs(account.work_in) + lost,
+            refined=account.refined,
+            inaccurate=account.inaccurate,
+        )
         what = "the same with steps of a tenth"
         fine, _ = experiment_run(finer, watch)
     except HapticMechError as error:
-        return StepAccuracy(duration, failed=str(error))
+        return StepAccuracy(found.duration_s, failed=str(error))
     except _OutOfTime:
-        left_out = f"{what}: {share:.0%} done when the time was up"
-        if account is None:
-            return StepAccuracy(duration, left_out=left_out)
-        return _accounted(duration, account, left_out=left_out)
-    return _accounted(duration, account, *away(coarse, fine))
-
-
-def _accounted(
-    duration: float,
-    account: EnergyAccount,
-    position: float = 0.0,
-    rotation: float = 0.0,
-    force: float = 0.0,
-    left_out: str = "",
-) -> StepAccuracy:
-    lost = account.damping_loss + account.latch_loss + abs(account.contact_loss)
-    return StepAccuracy(
-        duration,
-        position,
-        rotation,
-        force,
-        account.surplus,
-        abs(account.work_in) + lost,
-        account.refined,
-        account.inaccurate,
-        left_out=left_out,
-    )
+        return replace(found, left_out=f"{what}: {share:.0%} done when the time was up")
+    position, rotation, force = away(coarse, fine)
+    return replace(found, position_m=position, rotation_rad=rotation, force_n=force)
 
 
 def away(ones: Runs, others: Runs) -> tuple[float, float, float]:
@@ -141,14 +125,11 @@ def away(ones: Runs, others: Runs) -> tuple[float, float, float]:
 
 
 def _apart(one: Run, other: Run) -> tuple[float, float, float]:
-    first, second = one["quaternion"], other["quaternion"]
-    # A quaternion and its negative are one orientation.
-    ways = np.linalg.norm(first - second, axis=1), np.linalg.norm(first + second, axis=1)
-    chord = np.minimum(*ways)
+    first, second = (Rotation.from_quat(run["quaternion"]) for run in (one, other))
     force = one["on_hand"][:, :3] - other["on_hand"][:, :3]
     return (
         float(np.linalg.norm(one["position"] - other["position"], axis=1).max()),
-        float(4.0 * np.arcsin(0.5 * chord).max()),
+        float((first.inv() * second).magnitude().max()),
         float(np.linalg.norm(force, axis=1).max()),
     )
 

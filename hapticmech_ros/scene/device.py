@@ -17,7 +17,16 @@ from pydantic import Field, field_validator, model_validator
 
 from hapticmech_ros.files import shared
 from hapticmech_ros.files.yaml_text import read_yaml
-from hapticmech_ros.scene.part import Flag, Name, NonNegative, Part, Positive, Real, Vector3
+from hapticmech_ros.scene.part import (
+    AsAngle,
+    Flag,
+    Name,
+    NonNegative,
+    Part,
+    Positive,
+    Real,
+    Vector3,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,24 +65,6 @@ def device_presets() -> Mapping[str, DevicePreset]:
     return MappingProxyType(found)
 
 
-def with_preset(given: object) -> object:
-    """Return a scene's ``device``, with the preset's figures for keys that it leaves out.
-
-    ``workspace`` and ``compensation`` are merged key by key too. An unknown preset adds nothing.
-    """
-    if not isinstance(given, Mapping) or not isinstance(given.get("preset"), str):
-        return given
-    preset = device_presets().get(given["preset"])
-    if preset is None:
-        return given
-    joined = {**preset.device, **given}
-    for key, value in preset.device.items():
-        own = given.get(key)
-        if isinstance(value, Mapping) and isinstance(own, Mapping):
-            joined[key] = {**value, **own}
-    return joined
-
-
 ForceSensor = Literal["measured", "estimated", "absent"]
 
 
@@ -92,7 +83,7 @@ class Workspace(Part):
     """
 
     radius: NonNegative = 0.0
-    angle: Annotated[NonNegative, Field(le=3.0)] = 0.0
+    angle: Annotated[NonNegative, Field(le=3.0), AsAngle] = 0.0
     stiffness: Positive = 20000.0
     damping: NonNegative = 50.0
     angular_stiffness: Positive = 20.0
@@ -256,7 +247,21 @@ class Device(Part):
     @model_validator(mode="before")
     @classmethod
     def _from_preset(cls, given: object) -> object:
-        return with_preset(given)
+        """Add the preset's figures for keys that are left out.
+
+        ``workspace`` and ``compensation`` are merged key by key too. An unknown preset adds none.
+        """
+        if not isinstance(given, Mapping) or not isinstance(given.get("preset"), str):
+            return given
+        preset = device_presets().get(given["preset"])
+        if preset is None:
+            return given
+        joined = {**preset.device, **given}
+        for key, value in preset.device.items():
+            own = given.get(key)
+            if isinstance(value, Mapping) and isinstance(own, Mapping):
+                joined[key] = {**value, **own}
+        return joined
 
     @field_validator("preset")
     @classmethod

@@ -179,32 +179,22 @@ class SceneDocument(Part):
     @model_validator(mode="after")
     def _gains_by_rule(self) -> SceneDocument:
         """Fill in gains that were not given; see :mod:`~hapticmech_ros.scene.controller`."""
-        period = self.simulation.period
         hands = tuple(
-            entry.model_copy(update={"controller": _filled(self, entry)}) for entry in self.hands
+            entry.model_copy(update={"controller": _with_rule(self, entry)}) for entry in self.hands
         )
-        controller = _with_rule(self.controller, self.device, self.connection, period)
+        controller = _with_rule(self, self)
         # The model is frozen.
         object.__setattr__(self, "controller", controller)
         object.__setattr__(self, "hands", hands)
         return self
 
 
-def _filled(scene: SceneDocument, entry: HeldPoint) -> Controller:
-    """Return an entry's gains, by the rule where they were not given."""
-    return _with_rule(
-        entry.controller or scene.controller,
-        entry.device or scene.device,
-        entry.connection or scene.connection,
-        scene.simulation.period,
-    )
-
-
-def _with_rule(
-    controller: Controller, device: Device, connection: Connection, period: float
-) -> Controller:
+def _with_rule(scene: SceneDocument, entry: SceneDocument | HeldPoint) -> Controller:
+    """Return the gains of a scene or of one of its hands, by the rule where none were given."""
+    controller = entry.controller or scene.controller
+    device, connection = entry.device or scene.device, entry.connection or scene.connection
     joint = controller.joint_constraint
-    found = by_rule(joint, device, connection, period)
+    found = by_rule(joint, device, connection, scene.simulation.period)
     return (
         controller if found is joint else controller.model_copy(update={"joint_constraint": found})
     )

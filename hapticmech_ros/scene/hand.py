@@ -21,7 +21,7 @@ from pydantic import Field, model_validator
 
 from hapticmech_ros.errors import FileError, InvalidInputError
 from hapticmech_ros.files import read_text
-from hapticmech_ros.scene.part import LARGEST, NonNegative, Part, Positive, Vector3
+from hapticmech_ros.scene.part import LARGEST, Angles3, NonNegative, Part, Positive, Vector3
 
 COLUMNS = ("time", "fx", "fy", "fz", "tx", "ty", "tz")
 FILE_SIZE_LIMIT = 16_000_000
@@ -99,15 +99,6 @@ ARM_IMPEDANCES: dict[str, dict[str, float]] = {
 }
 
 
-def with_impedance(given: object) -> object:
-    """Return a scene's arm, with a measured arm's figures for keys that it leaves out."""
-    if not isinstance(given, Mapping):
-        return given
-    named = given.get("impedance", "relaxed")
-    found = ARM_IMPEDANCES.get(named) if isinstance(named, str) else None
-    return given if found is None else {**found, **given}
-
-
 class Tremor(Part):
     """Sinusoidal motion or push of a hand, from zero at its start.
 
@@ -123,7 +114,7 @@ class Tremor(Part):
     force: Vector3 = (0.0, 0.0, 0.0)
     torque: Vector3 = (0.0, 0.0, 0.0)
     xyz: Vector3 = (0.0, 0.0, 0.0)
-    rotation: Vector3 = (0.0, 0.0, 0.0)
+    rotation: Angles3 = (0.0, 0.0, 0.0)
 
 
 class AnyHand(Part):
@@ -185,7 +176,7 @@ class Waypoint(Part):
 
     time: NonNegative
     xyz: Vector3 = (0.0, 0.0, 0.0)
-    rotation: Vector3 = (0.0, 0.0, 0.0)
+    rotation: Angles3 = (0.0, 0.0, 0.0)
 
 
 class TargetHand(AnyHand):
@@ -256,7 +247,12 @@ class ArmHand(TargetHand):
     @model_validator(mode="before")
     @classmethod
     def _from_impedance(cls, given: object) -> object:
-        return with_impedance(given)
+        """Add a measured arm's figures for keys that are left out."""
+        if not isinstance(given, Mapping):
+            return given
+        named = given.get("impedance", "relaxed")
+        found = ARM_IMPEDANCES.get(named) if isinstance(named, str) else None
+        return given if found is None else {**found, **given}
 
     @model_validator(mode="after")
     def _moves_by_itself(self) -> ArmHand:

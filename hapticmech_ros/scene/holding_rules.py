@@ -45,8 +45,8 @@ def hand_beyond_device(scene: SceneDocument) -> str:
     """
     pushes = [("force", 0.0), ("torque", 0.0)]
     if isinstance(scene.hand, ConstantWrenchHand):
-        pushes = [("force", math.hypot(*scene.hand.force))]
-        pushes += [("torque", math.hypot(*scene.hand.torque))]
+        force, torque = scene.hand.force, scene.hand.torque
+        pushes = [("force", math.hypot(*force)), ("torque", math.hypot(*torque))]
     elif scene.hand.kind == "scripted":
         rows = read_script(scene.hand.file)
         sizes = np.linalg.norm(rows[:, 1:].reshape(-1, 2, 3), axis=2).max(axis=0, initial=0.0)
@@ -94,19 +94,20 @@ def _sampling(scene: SceneDocument) -> Iterator[SceneProblem]:
                 grip, least = hand.grip, (min(own[0], arm[0]), min(own[1], arm[1]))
                 sources.append(("hand.grip", grip.damping, grip.angular_damping, *least))
                 stiff = "times the square of the device's substep must not exceed the lighter {}"
-                if grip.stiffness * step**2 > least[0]:
-                    key = "hand.grip.stiffness"
-                    yield SceneProblem(key, grip.stiffness, stiff.format("mass"))
-                if grip.angular_stiffness * step**2 > least[1]:
-                    key = "hand.grip.angular_stiffness"
-                    yield SceneProblem(key, grip.angular_stiffness, stiff.format("inertia"))
+                for key, value, what, most in (
+                    ("stiffness", grip.stiffness, "mass", least[0]),
+                    ("angular_stiffness", grip.angular_stiffness, "inertia", least[1]),
+                ):
+                    if value * step**2 > most:
+                        yield SceneProblem(f"hand.grip.{key}", value, stiff.format(what))
         sources.append(("hand", hand.damping, hand.angular_damping, *moved))
     for source, damping, angular_damping, mass, inertia in sources:
-        if damping * step > mass:
-            yield SceneProblem(f"{source}.damping", damping, rule.format("mass"))
-        if angular_damping * step > inertia:
-            key = f"{source}.angular_damping"
-            yield SceneProblem(key, angular_damping, rule.format("inertia"))
+        for key, value, what, most in (
+            ("damping", damping, "mass", mass),
+            ("angular_damping", angular_damping, "inertia", inertia),
+        ):
+            if value * step > most:
+                yield SceneProblem(f"{source}.{key}", value, rule.format(what))
 
 
 def _servo(scene: SceneDocument) -> Iterator[SceneProblem]:

@@ -17,9 +17,9 @@ from typing import Any
 
 from hapticmech_ros.scene.linkage import Linkage
 from hapticmech_ros.scene.mechanism import ModelPart
-from hapticmech_ros.scene.part import LARGEST, Part
+from hapticmech_ros.scene.part import LARGEST, PATTERN, Part
 from hapticmech_ros.scene.scene import Scene
-from hapticmech_ros.scene.validation import PATTERN, allow_text
+from hapticmech_ros.scene.validation import allow_text
 
 _LINE = re.compile(r"(\w+): (.*)")
 _ROLE = re.compile(r":\w+:`~?([^`]*)`")
@@ -354,13 +354,14 @@ def scene_schema() -> dict[str, Any]:
         _allow_point(definitions[name])
     required = [key for key in found.pop("required") if key != "links"]
     with_model = [key for key in required if key not in ("name", "operational_points", "hand")]
+    ways = {"links": required, "model": with_model, "linkage": required}
     found["oneOf"] = [
-        {"required": [*required, way], "not": {"anyOf": _others(way)}}
-        for way, required in (
-            ("links", required),
-            ("model", with_model),
-            ("linkage", required),
-        )
+        # Links that are given in one way forbid the others.
+        {
+            "required": [*required, way],
+            "not": {"anyOf": [{"required": [other]} for other in ways if other != way]},
+        }
+        for way, required in ways.items()
     ]
     allow_text(found)
     describe(found)
@@ -371,11 +372,6 @@ def scene_schema() -> dict[str, Any]:
         "in place of ``links``: the points that they go through"
     )
     return found
-
-
-def _others(way: str) -> list[dict[str, Any]]:
-    """Return the keys that exclude each other: links given in one way forbid the others."""
-    return [{"required": [other]} for other in ("links", "model", "linkage") if other != way]
 
 
 def _allow_point(part: dict[str, Any]) -> None:

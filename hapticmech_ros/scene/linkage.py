@@ -17,6 +17,7 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from hapticmech_ros.errors import SceneError, nearest, scene_error
+from hapticmech_ros.scene.mechanism import MOMENTS
 from hapticmech_ros.scene.part import Name, NonNegative, Part, Positive, Real, Vector3
 from hapticmech_ros.scene.validation import problems_of
 
@@ -425,13 +426,10 @@ class _Drawing:
                 moments += m * ((arm @ arm) * np.eye(3) - np.outer(arm, arm))
             if self._planar:
                 moments = moments[2, 2] * np.eye(3)
-        inertia = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2)}
-        if not self._planar:
-            inertia |= {"ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
         return {
             "mass": mass,
             "com": body.inside(com - body.origin).tolist(),
-            "inertia": {name: float(moments[at]) for name, at in inertia.items()},
+            "inertia": {name: float(moments[at]) for name, at in MOMENTS.items()},
         }
 
     def _unknown(self, name: object) -> str:

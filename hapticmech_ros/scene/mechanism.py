@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 from pydantic import Field, StringConstraints
 
 from hapticmech_ros.scene.part import (
+    Angles3,
     Coordinates,
     Flag,
     Name,
@@ -25,10 +26,8 @@ from hapticmech_ros.scene.part import (
 FileName = Annotated[str, StringConstraints(strict=True, min_length=1)]
 
 
-class JointChange(Part):
-    """Changes to a joint of the scene's file; keys left out stay as in the file.
-
-    ``limits: null`` takes the stops away.
+class JointForces(Part):
+    """What acts in a joint.
 
     Attributes:
         damping: viscous damping per degree of freedom, N m s/rad or N s/m.
@@ -51,6 +50,13 @@ class JointChange(Part):
     effort: Real = 0.0
     limits: JointLimits | None = None
     locked: Flag = False
+
+
+class JointChange(JointForces):
+    """Changes to a joint of the scene's file; keys left out stay as in the file.
+
+    ``limits: null`` takes the stops away.
+    """
 
 
 class ModelPart(Part):
@@ -86,7 +92,7 @@ class Origin(Part):
     """
 
     xyz: Vector3 = (0.0, 0.0, 0.0)
-    rpy: Vector3 = (0.0, 0.0, 0.0)
+    rpy: Angles3 = (0.0, 0.0, 0.0)
 
 
 class JointLimits(Part):
@@ -108,40 +114,34 @@ class JointLimits(Part):
     depth: Positive = 0.01
 
 
-class Joint(Part):
-    """Joint that carries a link.
+class JointFrame(Part):
+    """Where a joint is, and how it moves.
 
     Attributes:
         name: of the joint, unique in the scene.
         type: its degrees of freedom.
         axis: unit vector in the joint frame, for ``revolute`` and ``prismatic``.
         origin: joint frame in the frame of the parent link.
-        damping: viscous damping per degree of freedom, N m s/rad or N s/m.
-        armature: inertia of a rotor geared to the joint, as the joint feels it (gear ratio squared
-            times the rotor's own), per degree of freedom, kg m² or kg: it is added to the diagonal
-            of D. Of revolute, prismatic and spherical joints.
-        stiffness: of a spring in the joint, N m/rad or N/m.
-        rest: position at which that spring is slack, rad or m.
-        friction: Coulomb friction, N m or N.
-        friction_speed: rad/s or m/s; friction is ``friction`` times tanh(speed / friction_speed).
-        effort: constant torque or force on the link, from its parent, N m or N.
-        limits: where the joint stops.
-        locked: whether the joint is held where it starts; it then is no degree of freedom.
     """
 
     name: Name
     type: JointType
     axis: Vector3 = (0.0, 0.0, 1.0)
     origin: Origin = Origin()
-    damping: NonNegative = 0.0
-    armature: NonNegative = 0.0
-    stiffness: NonNegative = 0.0
-    rest: Real = 0.0
-    friction: NonNegative = 0.0
-    friction_speed: Positive = 0.01
-    effort: Real = 0.0
-    limits: JointLimits | None = None
-    locked: Flag = False
+
+
+class Joint(JointForces, JointFrame):
+    """Joint that carries a link.
+
+    Attributes:
+        armature: inertia of a rotor geared to the joint, as the joint feels it (gear ratio squared
+            times the rotor's own), per degree of freedom, kg m² or kg: it is added to the diagonal
+            of D. Of revolute, prismatic and spherical joints.
+        friction_speed: rad/s or m/s; friction is ``friction`` times tanh(speed / friction_speed).
+        effort: constant torque or force on the link, from its parent, N m or N.
+        limits: where the joint stops.
+        locked: whether the joint is held where it starts; it then is no degree of freedom.
+    """
 
 
 class Inertia(Part):
@@ -162,6 +162,17 @@ class Inertia(Part):
     ixy: Real = 0.0
     ixz: Real = 0.0
     iyz: Real = 0.0
+
+
+# Where each of an inertia's keys is in the matrix.
+MOMENTS = {
+    "ixx": (0, 0),
+    "iyy": (1, 1),
+    "izz": (2, 2),
+    "ixy": (0, 1),
+    "ixz": (0, 2),
+    "iyz": (1, 2),
+}
 
 
 class Inertial(Part):

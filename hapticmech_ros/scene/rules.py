@@ -53,11 +53,17 @@ def _shapes(scene: SceneDocument) -> Iterator[SceneProblem]:
     links = {link.name for link in scene.links}
     for index, shape in enumerate(scene.shapes):
         if shape.link != "world" and shape.link not in links:
-            rule = f"unknown frame: must be 'world' or one of {sorted(links)}"
-            rule += nearest(shape.link, links)
-            yield SceneProblem(f"shapes[{index}].link", shape.link, rule)
+            yield _unknown(f"shapes[{index}].link", "frame", shape.link, links, "'world' or ")
         if shape.geometry.kind == "mesh":
             yield from _mesh_file(f"shapes[{index}].geometry.file", shape.geometry.file)
+
+
+def _unknown(
+    key: str, what: str, name: str, known: Collection[str], besides: str = ""
+) -> SceneProblem:
+    """Return the problem of a name that nothing in the scene has."""
+    rule = f"unknown {what}: must be {besides}one of {sorted(known)}{nearest(name, known)}"
+    return SceneProblem(key, name, rule)
 
 
 def _mesh_file(key: str, file: str) -> Iterator[SceneProblem]:
@@ -80,9 +86,7 @@ def _pair(
     """Yield problems of the two shapes that a contact joins."""
     unknown = [side for side in ("a", "b") if getattr(contact, side) not in shapes]
     for side in unknown:
-        name = getattr(contact, side)
-        rule = f"unknown shape: must be one of {sorted(shapes)}{nearest(name, shapes)}"
-        yield SceneProblem(f"{key}.{side}", name, rule)
+        yield _unknown(f"{key}.{side}", "shape", getattr(contact, side), shapes)
     if unknown:
         return
     a, b = shapes[contact.a], shapes[contact.b]
@@ -255,8 +259,7 @@ def _references(scene: SceneDocument) -> Iterator[SceneProblem]:
     for index, point in enumerate(scene.operational_points):
         key = f"operational_points[{index}]"
         if point.link not in links:
-            rule = f"unknown frame: must be one of {sorted(links)}{nearest(point.link, links)}"
-            yield SceneProblem(f"{key}.link", point.link, rule)
+            yield _unknown(f"{key}.link", "frame", point.link, links)
         elif point.metric is None and not has_own_metric(links[point.link]):
             rule = "the link has no full inertia of its own: give metric: {mass, length}"
             yield SceneProblem(f"{key}.metric", None, rule)
@@ -266,9 +269,7 @@ def _ends(key: str, part: Closure | Spring, links: Collection[str]) -> Iterator[
     """Yield problems of the two frames that a closure or spring joins."""
     for side, frame in (("a", part.a), ("b", part.b)):
         if frame.link not in links and frame.link != "world":
-            rule = f"unknown frame: must be 'world' or one of {sorted(links)}"
-            rule += nearest(frame.link, links)
-            yield SceneProblem(f"{key}.{side}.link", frame.link, rule)
+            yield _unknown(f"{key}.{side}.link", "frame", frame.link, links, "'world' or ")
     if part.a.link == part.b.link:
         rule = f"a {type(part).__name__.lower()} joins two different links"
         yield SceneProblem(f"{key}.b.link", part.b.link, rule)
@@ -314,8 +315,7 @@ def _couplings(scene: SceneDocument) -> Iterator[SceneProblem]:
         for end, name in (("joint", coupling.joint), ("leader", coupling.leader)):
             joint = joints.get(name)
             if joint is None:
-                rule = f"unknown joint: must be one of {sorted(joints)}{nearest(name, joints)}"
-                yield SceneProblem(f"{key}.{end}", name, rule)
+                yield _unknown(f"{key}.{end}", "joint", name, joints)
             elif joint.type not in ("revolute", "prismatic") or joint.locked:
                 kind = "locked" if joint.locked else joint.type
                 rule = "only revolute and prismatic joints that are not locked can be coupled: "

@@ -9,9 +9,9 @@ Angles as text: ``90 deg``, ``-pi/2``, ``2*pi/3``, where a scene's key is an ang
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from copy import deepcopy
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -21,15 +21,9 @@ from pydantic_core import ErrorDetails
 from hapticmech_ros.errors import FileError, SceneError, SceneProblem, nearest, scene_error
 from hapticmech_ros.files.yaml_text import document_in, read_yaml
 from hapticmech_ros.scene.document import SceneDocument
-from hapticmech_ros.scene.part import LARGEST
+from hapticmech_ros.scene.part import LARGEST, PATTERN, read_angle
 from hapticmech_ros.scene.rules import broken_rules
 
-_NUMBER = r"[0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?"
-_DEGREES = rf"([-+]?{_NUMBER}) *deg"
-_PI = rf"([-+]?)(?:({_NUMBER})\*)?pi(?:/({_NUMBER}))?"
-# Text that is accepted for an angle, besides a number.
-PATTERN = rf"^ *(?:{_DEGREES}|{_PI}) *$"
-_TEXT = re.compile(PATTERN)
 # Keys that are angles, by part; of joints only those that turn.
 ANGLES = {
     ("Origin", "rpy"),
@@ -43,20 +37,6 @@ ANGLES = {
 }
 
 
-def angle_of(text: str) -> float | None:
-    """Return the angle (rad) that a text is; None if it is none."""
-    found = _TEXT.match(text)
-    if found is None:
-        return None
-    degrees, sign, times, parts = found.groups()
-    if degrees is not None:
-        return math.radians(float(degrees))
-    divisor = float(parts or 1.0)
-    if divisor == 0.0:
-        return None
-    return math.copysign(float(times or 1.0) * math.pi / divisor, -1.0 if sign == "-" else 1.0)
-
-
 def with_angles(document: Mapping[str, Any]) -> dict[str, Any]:
     """Return a scene's document with numbers, rad, in place of angles as text.
 
@@ -67,7 +47,7 @@ def with_angles(document: Mapping[str, Any]) -> dict[str, Any]:
     """
     joints = [link["joint"] for link in _mappings(document.get("links")) if _has(link, "joint")]
     turning = {joint.get("name") for joint in joints if joint.get("type") == "revolute"}
-    found = {key: _walk(value) for key, value in document.items()}
+    found = deepcopy(dict(document))
     for link in _mappings(found.get("links")):
         if _has(link, "joint") and link["joint"].get("name") in turning:
             _replace(link["joint"], "rest")
@@ -79,9 +59,6 @@ def with_angles(document: Mapping[str, Any]) -> dict[str, Any]:
     if _has(found, "initial_state") and _has(found["initial_state"], "q"):
         start = found["initial_state"]["q"]
         _replace(start, *(name for name in start if name in turning))
-    for holder in (found, *_mappings(found.get("hands"))):
-        if _has(holder, "device") and _has(holder["device"], "workspace"):
-            _replace(holder["device"]["workspace"], "angle")
     return found
 
 
@@ -105,28 +82,10 @@ def _or_text(value: dict[str, Any]) -> dict[str, Any]:
     return {**rest, "anyOf": [*choices, {"type": "string", "pattern": PATTERN}]}
 
 
-def _walk(value: object) -> Any:
-    """Return a copy, with the angles of ``rpy`` and ``rotation`` as numbers."""
-    if isinstance(value, Mapping):
-        copy = {key: _walk(inner) for key, inner in value.items()}
-        for key in ("rpy", "rotation"):
-            if isinstance(copy.get(key), list):
-                copy[key] = [_number(one) for one in copy[key]]
-        return copy
-    if isinstance(value, list | tuple):
-        return [_walk(one) for one in value]
-    return value
-
-
 def _replace(mapping: dict[str, Any], *keys: str) -> None:
     for key in keys:
         if key in mapping:
-            mapping[key] = _number(mapping[key])
-
-
-def _number(value: object) -> object:
-    angle = angle_of(value) if isinstance(value, str) else None
-    return value if angle is None else angle
+            mapping[key] = read_angle(mapping[key])
 
 
 def _has(mapping: Mapping[str, Any], key: str) -> bool:

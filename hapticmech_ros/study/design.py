@@ -11,11 +11,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import yaml
 
 from hapticmech_ros.errors import FileError, InvalidInputError
 from hapticmech_ros.files.yaml_text import read_yaml
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.scene.validation import angle_of
+from hapticmech_ros.scene.part import angle_of
 
 # Scenes of one study.
 MOST_SCENES = 10_000_000
@@ -51,7 +52,7 @@ class Variation:
         """
         written, sign, values = text.partition("=")
         keys = tuple(key.strip() for key in written.split(","))
-        if not sign or not all(keys) or not values.strip():
+        if not sign or not all(keys) or not values.strip(" ,") or values.rstrip().endswith(","):
             raise InvalidInputError("variation", text, RULE)
         if ":" not in values or set(values) & set(",[{'\""):
             return cls(keys, tuple(_choices(text, values)))
@@ -179,16 +180,8 @@ def _choices(text: str, values: str) -> list[str]:
         read_yaml(f"[{values}]", "the values")
     except FileError as error:
         raise InvalidInputError("variation", text, str(error)) from None
-    found, depth, begun = [], 0, 0
-    for at, letter in enumerate(values):
-        depth += (letter in "[{") - (letter in "]}")
-        if letter == "," and depth == 0:
-            found.append(values[begun:at])
-            begun = at + 1
-    found = [one.strip() for one in [*found, values[begun:]]]
-    if not all(found):
-        raise InvalidInputError("variation", text, RULE)
-    return found
+    parts = yaml.compose(f"[{values}]", yaml.SafeLoader).value
+    return [f"[{values}]"[part.start_mark.index : part.end_mark.index] for part in parts]
 
 
 def number_of(text: str) -> float | None:

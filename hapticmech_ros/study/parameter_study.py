@@ -22,7 +22,7 @@ import json
 import os
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -59,7 +59,7 @@ class StudyError(HapticMechError):
 Rows = dict[int, Array | str]
 
 
-class Journal:
+class Journal(AbstractContextManager["Journal"]):
     """Writes rows, and knows those that are there; a context, in which no other process writes.
 
     Args:
@@ -87,9 +87,6 @@ class Journal:
         except BaseException:
             self._file.close()
             raise
-
-    def __enter__(self) -> Journal:
-        return self
 
     def __exit__(self, *_: object) -> None:
         os.fsync(self._file.fileno())

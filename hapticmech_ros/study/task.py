@@ -11,12 +11,11 @@ named ``module:function``, of a module that the workers can import.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from importlib import import_module
 from math import inf, nan
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
@@ -33,21 +32,10 @@ from hapticmech_ros.scene.validation import with_changes
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.study.design import Design
 
-
-class Measure(Protocol):
-    """Returns numbers of a scene, by name."""
-
-    def __call__(self, scene: Scene, point: str) -> Mapping[str, float]:
-        """Return the numbers.
-
-        Args:
-            scene: to measure.
-            point: operational point; the scene's first one if empty.
-
-        Raises:
-            HapticMechError: it cannot be measured; the study continues.
-        """
-        ...
+#: From a scene and an operational point, the scene's first one if empty, to numbers by name. It
+#: raises a :class:`~hapticmech_ros.errors.HapticMechError` if the scene cannot be measured; the
+#: study continues.
+Measure = Callable[[Scene, str], Mapping[str, float]]
 
 
 def _at_the_start(scene: Scene, point: str) -> tuple[OperationalAnalysis, float]:

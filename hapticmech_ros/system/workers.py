@@ -23,7 +23,7 @@ from concurrent.futures import (
     ProcessPoolExecutor,
     wait,
 )
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
@@ -85,7 +85,7 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-class WorkerPool:
+class WorkerPool(AbstractContextManager["WorkerPool"]):
     """Shares cases among workers; a context that ends its own processes on exit.
 
     A worker that is killed, or out of memory, loses only its own case: the others in progress are
@@ -104,9 +104,6 @@ class WorkerPool:
             raise InvalidInputError("processes", workers, "must be 1 or more")
         self._workers = workers
         self._pool: ProcessPoolExecutor | None = None
-
-    def __enter__(self) -> WorkerPool:
-        return self
 
     def __exit__(self, *_: object) -> None:
         if self._pool is not None:

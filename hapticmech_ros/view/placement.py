@@ -154,23 +154,16 @@ def skeleton(scene: Scene, q: Array) -> Skeleton:
     def place(link: str, origin: Origin) -> Array:
         return np.array((frames[link] * se3(origin)).translation)
 
-    lines: list[tuple[str, Array]] = []
-    joints: list[Array] = []
+    held = attachments(scene)
+    attached = {name for name, _, _ in held}
+    lines = tuple((name, ends) for name, ends in placement.limbs if name in attached)
+    joints = [place(name, origin) for name, origin, joins in held if joins and name != WORLD]
     ground = [
         place(WORLD, link.joint.origin)
         for link in scene.links
         if link.parent == WORLD and link.joint.type not in ("free", "planar")
     ]
-    for name, origin, is_joint in attachments(scene):
-        end = place(name, origin)
-        if name == WORLD:
-            ground.append(end)
-            continue
-        if is_joint:
-            joints.append(end)
-        start = frames[name].translation
-        if np.linalg.norm(end - start) > _SAME_PLACE:
-            lines.append((name, np.array((start, end))))
+    ground += [place(name, origin) for name, origin, _ in held if name == WORLD]
     rods = [
         np.array([place(end.link, end.origin) for end in (rod.a, rod.b)])
         for rod in scene.closures
@@ -178,7 +171,7 @@ def skeleton(scene: Scene, q: Array) -> Skeleton:
     ]
     bars = (*rods, *placement.slides)
     long = tuple(bar for bar in bars if np.linalg.norm(bar[1] - bar[0]) > _SAME_PLACE)
-    return Skeleton(tuple(lines), _rows(joints), _rows(ground), long)
+    return Skeleton(lines, _rows(joints), _rows(ground), long)
 
 
 def attachments(scene: Scene) -> list[tuple[str, Origin, bool]]:

@@ -10,7 +10,8 @@ import pytest
 
 from hapticmech_ros import SceneError, load_scene
 from hapticmech_ros.scene import document_of, scene_from_document
-from hapticmech_ros.scene.validation import angle_of, with_angles
+from hapticmech_ros.scene.part import angle_of
+from hapticmech_ros.scene.validation import with_angles
 
 
 @pytest.mark.parametrize(
@@ -56,12 +57,13 @@ def test_angles_are_read_where_they_may_be_written(document):
     found = with_angles(document)
     assert str(document) == before
     joint = found["links"][0]["joint"]
-    assert joint["origin"]["rpy"] == [0.0, 0.0, math.pi / 2]
     assert joint["rest"] == math.radians(30)
     assert (joint["limits"]["lower"], joint["limits"]["upper"]) == (-math.pi, math.pi)
     assert found["initial_state"]["q"][joint["name"]] == math.radians(-45)
-    assert found["device"]["workspace"]["angle"] == math.radians(60)
-    assert found["closures"][0]["a"]["origin"]["rpy"][2] == math.pi
+    scene = scene_from_document(document)
+    assert scene.links[0].joint.origin.rpy == (0.0, 0.0, math.pi / 2)
+    assert scene.device.workspace.angle == math.radians(60)
+    assert scene.closures[0].a.origin.rpy[2] == math.pi
 
 
 def test_a_scene_in_degrees_is_the_scene_in_radians(document):

@@ -19,7 +19,8 @@ from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.key_reference import examples, meanings, parts, scene_schema
 from hapticmech_ros.scene.mechanism import JointType, ModelPart
-from hapticmech_ros.scene.validation import angle_of, written_document
+from hapticmech_ros.scene.part import angle_of
+from hapticmech_ros.scene.validation import written_document
 
 ROOT = Path(__file__).resolve().parents[2]
 
