@@ -31,7 +31,7 @@ from hapticmech_ros.nodes.lane import (
     lane_folder,
 )
 from hapticmech_ros.nodes.sources import Batch, Origin
-from nodes.stand_ins import Publisher
+from nodes.stand_ins import Publisher, at_last
 
 TOPIC = "/topic Kind"
 # More messages than a socket holds.
@@ -95,14 +95,15 @@ def meet(lanes: list[Lane]) -> None:
         hand_on(lane)
 
 
-def until(condition: Callable[[], bool], *lanes: Lane, whole: bool = True) -> None:
+def until(condition: Callable[[], bool], *lanes: Lane) -> None:
     """Let lanes go on until a condition holds."""
-    end = time.monotonic() + 10.0
-    while not condition():
-        assert time.monotonic() < end
+
+    def go_on() -> None:
         for lane in lanes:
             look(lane)
-            hand_on(lane, whole=whole)
+            hand_on(lane)
+
+    at_last(condition, go_on, 10.0)
 
 
 def look(lane: Lane) -> None:
@@ -203,7 +204,6 @@ def process(folder: Path, program: str = KILLED) -> Iterator[subprocess.Popen[st
     command = [sys.executable, "-c", textwrap.dedent(program), str(folder)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as made:
         try:
-            assert made.stdout is not None
             assert made.stdout.readline() == "ready\n"
             yield made
         finally:
@@ -434,6 +434,11 @@ def test_a_killed_process_is_noticed_at_once_and_its_socket_removed_by_others(
     lane = Lane(folder)
     received = Received()
     lane.listen("/back Kind", received)
+
+    def go_on() -> None:
+        send(lane, b"m")
+        hand_on(lane)
+
     for _ in range(3):
         with process(folder) as other:
             received.clear()
@@ -441,11 +446,7 @@ def test_a_killed_process_is_noticed_at_once_and_its_socket_removed_by_others(
             other.kill()
             other.wait()
             # Though it does not look for others.
-            end = time.monotonic() + 10.0
-            while lane.readers(TOPIC) or lane.linked:
-                assert time.monotonic() < end
-                send(lane, b"m")
-                hand_on(lane)
+            at_last(lambda: not (lane.readers(TOPIC) or lane.linked), go_on, 10.0)
     until(lambda: len(list(folder.iterdir())) == 1, lane)
     lane.close()
     assert not folder.exists()
@@ -596,9 +597,7 @@ def test_the_middleware_carries_what_somebody_else_hears_and_the_copy_is_known(t
     assert talk.publish(b"alone") == "lane"
     assert len(talk.publisher.sent) == 1
     talk.publisher.subscriptions = 2
-    end = time.monotonic_ns() + 2 * CENSUS_NS
-    while time.monotonic_ns() < end:
-        pass
+    time.sleep(2e-9 * CENSUS_NS)
     assert talk.publish(b"for both") == "lane, middleware"
     assert talk.publisher.sent[1:] == [b"for both"]
     # The middleware is faster here: what went over the lane is taken first all the same.
@@ -665,11 +664,16 @@ def test_what_stays_and_what_has_no_kind_keeps_off_the_lane(talk: Talk) -> None:
         assert publisher.sent == [b"a"]
 
 
-def test_graphs_that_the_middleware_keeps_apart_have_folders_of_their_own(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture
+def base(tmp_path: Path) -> dict[str, str]:
+    """An environment whose folder for what runs is the test's own."""
     tmp_path.chmod(0o700)
-    base = {"XDG_RUNTIME_DIR": str(tmp_path)}
+    return {"XDG_RUNTIME_DIR": str(tmp_path)}
+
+
+def test_graphs_that_the_middleware_keeps_apart_have_folders_of_their_own(
+    base: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     plain = lane_folder(base)
     assert plain == lane_folder({**base, "ROS_DOMAIN_ID": "0", "HOME": "/else"})
     assert plain.is_relative_to(tmp_path)
@@ -687,9 +691,8 @@ def test_graphs_that_the_middleware_keeps_apart_have_folders_of_their_own(
 
 @pytest.mark.parametrize("mode", [0o755, 0o770, 0o701, 0])
 def test_a_folder_that_others_reach_is_refused_and_a_link_in_its_place(
-    tmp_path: Path, mode: int
+    base: dict[str, str], tmp_path: Path, mode: int
 ) -> None:
-    tmp_path.chmod(0o700)
     place = tmp_path / f"hapticmech_ros-{os.geteuid()}"
     if mode:
         place.mkdir()
@@ -698,16 +701,16 @@ def test_a_folder_that_others_reach_is_refused_and_a_link_in_its_place(
         (tmp_path / "there").mkdir(mode=0o700)
         place.symlink_to(tmp_path / "there")
     with pytest.raises(LaneError, match="must be a folder of mode 0700 of this user"):
-        Lane.open({"XDG_RUNTIME_DIR": str(tmp_path)})
+        Lane.open(base)
     exchange = Exchange()
-    exchange.join_lane({"XDG_RUNTIME_DIR": str(tmp_path)})
+    exchange.join_lane(base)
     assert exchange.lane is None
     assert str(place) in exchange.refusal
 
 
-def test_graphs_with_security_leave_it_to_the_middleware(tmp_path: Path) -> None:
-    tmp_path.chmod(0o700)
-    base = {"XDG_RUNTIME_DIR": str(tmp_path)}
+def test_graphs_with_security_leave_it_to_the_middleware(
+    base: dict[str, str], tmp_path: Path
+) -> None:
     with pytest.raises(LaneError, match="ROS_SECURITY_ENABLE is true"):
         lane_folder({**base, "ROS_SECURITY_ENABLE": "true"})
     assert not list(tmp_path.iterdir())
@@ -751,8 +754,5 @@ def test_there_is_news_of_who_comes_and_who_is_behind_only(
     lane.look()
     assert not lane.has_news
     # Whoever wants all, and has not taken all.
-    end = time.monotonic() + 20.0
-    while not lane.has_news:
-        assert time.monotonic() < end
-        send(lane, bytes(50_000))
+    at_last(lambda: lane.has_news, lambda: send(lane, bytes(50_000)))
     until(lambda: not lane.has_news, *lanes)
