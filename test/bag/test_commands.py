@@ -123,8 +123,16 @@ def test_repair(tmp_path: Path, wrench_bytes: Bytes) -> None:
     assert run("repair", path, "--out", tmp_path / "other")[0] == 1
 
 
-def test_refuses_contradictions(tmp_path: Path) -> None:
-    with pytest.raises(HapticMechError, match="cannot be together"):
-        run("record", "--all", "/x", "--out", tmp_path / "bag")
-    with pytest.raises(HapticMechError, match="must be FROM:=TO"):
-        run("play", tmp_path, "--remap", "/x=/y")
+@pytest.mark.parametrize(
+    ("arguments", "rule"),
+    [
+        (("record", "--all", "/x", "--out", "bag"), "cannot be together"),
+        (("play", "bag", "--remap", "/x=/y"), "must be FROM:=TO"),
+    ],
+)
+def test_refuses_contradictions(
+    arguments: tuple[str, ...], rule: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(HapticMechError, match=rule):
+        run(*arguments)
