@@ -10,6 +10,9 @@ from typing import Any
 
 from benchmarks.children import wait_until
 
+# ns.
+MS = 1_000_000
+
 
 def at_last(
     happened: Callable[[], object],
@@ -41,7 +44,6 @@ class Listed:
         self.names = names
 
     def get_publishers_info_by_topic(self, topic: str) -> list[SimpleNamespace]:
-        del topic
         return [
             SimpleNamespace(
                 node_namespace=name.rpartition("/")[0] or "/",

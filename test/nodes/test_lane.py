@@ -58,10 +58,7 @@ def lanes(folder: Path) -> Iterator[list[Lane]]:
 @pytest.fixture
 def received(lanes: list[Lane]) -> Received:
     """What the first lane hears on the topic, once all have met."""
-    found = Received()
-    lanes[0].listen(TOPIC, found)
-    meet(lanes)
-    return found
+    return heard(lanes[0], lanes)
 
 
 class Received(list):
@@ -78,6 +75,17 @@ class Received(list):
     @property
     def messages(self) -> list[bytes]:
         return [message for message, _ in self]
+
+
+def heard(lane: Lane, lanes: list[Lane], every: bool = False) -> Received:
+    """Return what a lane hears on the topic from now on, once all know that it does."""
+    found = Received()
+    if every:
+        lane.listen_to_all(TOPIC, found.every)
+    else:
+        lane.listen(TOPIC, found)
+    meet(lanes)
+    return found
 
 
 def meet(lanes: list[Lane]) -> None:
@@ -147,11 +155,7 @@ def test_who_wants_every_message_gets_it_after_those_who_answer(
     monkeypatch: pytest.MonkeyPatch, lanes: list[Lane]
 ) -> None:
     speaks, records, answers = lanes
-    kept, received = Received(), Received()
-    records.listen_to_all(TOPIC, kept.every)
-    meet(lanes)
-    answers.listen(TOPIC, received)
-    meet(lanes)
+    kept, received = heard(records, lanes, every=True), heard(answers, lanes)
     order = []
     plain = lane_module.Outgoing.send
 
@@ -171,9 +175,7 @@ def test_origins_tell_when_messages_were_sent_and_batches_are_in_that_order(
     lanes: list[Lane],
 ) -> None:
     one, two, receives = lanes
-    received = Received()
-    receives.listen_to_all(TOPIC, received.every)
-    meet(lanes)
+    received = heard(receives, lanes, every=True)
     times = [time.time_ns()]
     for number in range(6):
         send((one, two)[number % 2], bytes([number]))
@@ -258,13 +260,10 @@ def test_a_writer_that_never_pauses_keeps_no_reader(
 
 def test_messages_of_an_outlet_are_numbered_lost_ones_included(lanes: list[Lane]) -> None:
     speaks, first, second = lanes
-    early, late = Received(), Received()
-    first.listen_to_all(TOPIC, early.every)
-    meet(lanes)
+    early = heard(first, lanes, every=True)
     send(speaks, b"a")
     send(speaks, b"b", outlet=2)
-    second.listen_to_all(TOPIC, late.every)
-    meet(lanes)
+    late = heard(second, lanes, every=True)
     send(speaks, b"c", both=True)
     hand_on(first)
     hand_on(second)
@@ -331,12 +330,10 @@ class LongWait:
     settled, has_news = True, False
 
     def prepare(self, lane: Lane, waited: list[int], until_ns: int) -> bool:
-        del lane, until_ns
         self.waited = waited
         return True
 
     def __call__(self, lane: Lane) -> list[int]:
-        del lane
         time.sleep(0.001)
         return self.waited
 
@@ -397,9 +394,7 @@ def test_who_stalls_is_not_counted_until_it_goes_on(
 
 def test_who_wants_all_gets_all_in_order_though_it_falls_behind(lanes: list[Lane]) -> None:
     receives, speaks, _ = lanes
-    received, count = Received(), MOST_BEHIND
-    receives.listen_to_all(TOPIC, received.every)
-    meet(lanes)
+    received, count = heard(receives, lanes, every=True), MOST_BEHIND
     message = b"m" * 4000
     for number in range(count):
         send(speaks, message, number)
@@ -410,18 +405,15 @@ def test_who_wants_all_gets_all_in_order_though_it_falls_behind(lanes: list[Lane
 
 def test_a_change_of_what_is_heard_is_told(lanes: list[Lane]) -> None:
     speaks, receives, _ = lanes
-    received, late = Received(), Received()
     meet(lanes)
-    receives.listen(TOPIC, received)
-    meet(lanes)
+    received = heard(receives, lanes)
     send(speaks, b"a")
     receives.silence(TOPIC, received)
     # What was sent before it was told is dropped.
     hand_on(receives)
     meet(lanes)
     assert speaks.readers(TOPIC) == 0
-    receives.listen(TOPIC, late)
-    meet(lanes)
+    late = heard(receives, lanes)
     send(speaks, b"b")
     hand_on(receives)
     assert received == []
@@ -531,11 +523,9 @@ def test_without_a_descriptor_left_a_newcomer_is_met_later(
 
 def test_numbers_of_topics_begin_again(lanes: list[Lane]) -> None:
     receives, speaks, _ = lanes
-    received = Received()
     receives._next_code = (1 << 16) - 1
     receives.listen("/last Kind", Received())
-    receives.listen(TOPIC, received)
-    meet(lanes)
+    received = heard(receives, lanes)
     send(speaks, b"a")
     hand_on(receives)
     assert received.messages == [b"a"]
@@ -738,8 +728,7 @@ def test_there_is_news_of_who_comes_and_who_is_behind_only(
     """A kernel is left for it."""
     monkeypatch.setattr(lane_module, "LOOK_NS", 0)
     lane, other, _ = lanes
-    other.listen_to_all(TOPIC, Received().every)
-    meet(lanes)
+    heard(other, lanes, every=True)
     os.utime(folder, (0, 0))
     lane.look()
     assert not lane.has_news

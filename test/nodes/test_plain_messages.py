@@ -49,7 +49,7 @@ from hapticmech_ros.wire.stamped import encode_pose
 from hapticmech_ros.wire.state import StateLayout, WireState
 from hapticmech_ros.wire.topics import DEVICE_COMMAND
 from hapticmech_ros.wire.wrench import encode_wrench
-from nodes.stand_ins import at_last
+from nodes.stand_ins import MS, at_last
 
 STATES, MODELS = "/mechanism/state Float64MultiArray", "/analysis/handle/operational_model {}"
 MODELS = MODELS.format("Float64MultiArray")
@@ -58,7 +58,6 @@ DEVICE_STATES = "/device/state Float64MultiArray"
 DEVICE_COMMANDS = "/device/servo_cf WrenchStamped"
 GAINS = "/device/local_feedback_gain Float64MultiArray"
 RECEIVED = STATES, MODELS, COMMANDS, DEVICE_COMMANDS, DEVICE_STATES, GAINS
-MS = 1_000_000
 RCL_PUBLISHERS: list[Callable[[bytes], int]] = []
 
 
