@@ -7,16 +7,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from rosbags.typesys import Stores, get_typestore
 
-WRENCH = "geometry_msgs/msg/WrenchStamped"
+from bag.record import STORE, WRENCH
 
 
 @pytest.fixture(scope="session")
 def wrench_bytes() -> Callable[[int, float], bytes]:
     """Serialize a WrenchStamped with a stamp (ns) and force (f, 2 f, -f)."""
-    store = get_typestore(Stores.ROS2_JAZZY)
-    types = store.types
+    types = STORE.types
     vector = types["geometry_msgs/msg/Vector3"]
 
     def make(time_ns: int, f: float) -> bytes:
@@ -25,6 +23,6 @@ def wrench_bytes() -> Callable[[int, float], bytes]:
             types["std_msgs/msg/Header"](stamp, "world"),
             types["geometry_msgs/msg/Wrench"](vector(f, 2 * f, -f), vector(0.0, 0.0, 0.5)),
         )
-        return bytes(store.serialize_cdr(message, WRENCH))
+        return bytes(STORE.serialize_cdr(message, WRENCH))
 
     return make

@@ -3,12 +3,10 @@
 """Padding between values says nothing: messages that differ only there are the same."""
 
 import numpy as np
-from rosbags.typesys import Stores, get_typestore
 
+from bag.record import STORE
 from hapticmech_ros.bag.compare import Deviations
 from hapticmech_ros.wire.wrench import encode_wrench
-
-STORE = get_typestore(Stores.ROS2_JAZZY)
 
 
 def decode(data):

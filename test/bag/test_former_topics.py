@@ -4,11 +4,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from bag.record import Bytes
 from hapticmech_ros.bag import BagReader, BagWriter
 from hapticmech_ros.bag.reader import FORMER, present_name, refuse_former_topics
 from hapticmech_ros.errors import BagError
@@ -16,8 +16,6 @@ from hapticmech_ros.experiment.from_bag import record_from_bag
 from hapticmech_ros.graph.lockstep import LockstepRun, replay
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.wire.topics import TOPICS
-
-Bytes = Callable[[int, float], bytes]
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable
 from pathlib import Path
 from zlib import crc32
 
@@ -13,17 +12,14 @@ import mcap.writer as mcap
 import pytest
 from mcap.reader import SeekingReader
 from rosbags.highlevel import AnyReader
-from rosbags.typesys import Stores, get_typestore
 
+from bag.record import STORE, SUFFIXES, WRENCH, Bytes
+from bag.record import alone as written_alone
 from hapticmech_ros.bag import BagReader, BagWriter
 from hapticmech_ros.errors import BagError
 from sampling import sampled
 
-Bytes = Callable[[int, float], bytes]
-WRENCH = "geometry_msgs/msg/WrenchStamped"
-STORE = get_typestore(Stores.ROS2_JAZZY)
 TOPICS = ("/a", "/b", "/c")
-SUFFIXES = {"mcap": ".mcap", "sqlite3": ".db3"}
 Found = list[tuple[str, int, bytes]]
 
 
@@ -125,7 +121,6 @@ def with_checksums(bag: Path) -> Path:
     data = bytearray(file.read_bytes())
     with file.open("rb") as stream:
         summary = SeekingReader(stream).get_summary()
-    assert summary is not None
     for chunk in summary.chunk_indexes:
         head = chunk.chunk_start_offset + 9
         records = data[head + 40 : head + 40 + chunk.compressed_size]
@@ -164,19 +159,8 @@ def test_a_chunk_of_nonsense_is_damage(tmp_path: Path, wrench_bytes: Bytes) -> N
 
 
 def alone(path: Path, make: Bytes, times: range, **kinds: object) -> Path:
-    """Write a file by mcap's own writer."""
-    with path.open("wb") as stream:
-        writer = mcap.Writer(
-            stream, chunk_size=1000, compression=mcap.CompressionType.NONE, **kinds
-        )  # type: ignore[arg-type]
-        writer.start(profile="ros2", library="mcap")
-        text, _ = STORE.generate_msgdef(WRENCH, ros_version=2)
-        schema = writer.register_schema(WRENCH, "ros2msg", text.encode())
-        channel = writer.register_channel("/a", "cdr", schema)
-        for time_ns in times:
-            writer.add_message(channel, time_ns, make(time_ns, 1.0), time_ns)
-        writer.finish()
-    return path
+    sent = [("/a", time_ns, make(time_ns, 1.0)) for time_ns in times]
+    return written_alone(path, sent, WRENCH, compression=mcap.CompressionType.NONE, **kinds)
 
 
 @pytest.mark.parametrize("place", [0.001, 0.3, 0.6, 0.9])
@@ -186,7 +170,6 @@ def test_a_changed_bit_of_the_index_is_found(
     file = alone(tmp_path / "a.mcap", wrench_bytes, range(50))
     with file.open("rb") as stream:
         summary = SeekingReader(stream).get_summary()
-    assert summary is not None
     last = max(one.chunk_start_offset + one.chunk_length for one in summary.chunk_indexes)
     data = bytearray(file.read_bytes())
     begin = data.index(WRENCH.encode(), last) - 4

@@ -88,7 +88,6 @@ def test_the_storage_says_the_same_as_the_metadata(bag: Path) -> None:
         with file.open("rb") as stream:
             reader = make_reader(stream)
             summary = reader.get_summary()
-            assert summary is not None
             (channel,) = summary.channels.values()
             (note,) = list(reader.iter_metadata())
         notes, text = channel.metadata, note.metadata["serialized_metadata"]

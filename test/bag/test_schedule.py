@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -63,16 +64,21 @@ def test_some_topics_only(path: Path) -> None:
         assert {name for name, _, _ in stream(bag, cut, [])} == {"/stream"}
 
 
-def test_refuses_what_cannot_be_played(path: Path, tmp_path: Path) -> None:
-    with BagReader(path) as bag:
-        with pytest.raises(BagError, match="no topic /x"):
-            cut_of(bag, ["/x"])
-        with pytest.raises(BagError, match="nothing to play behind 10 s"):
-            cut_of(bag, start_offset_s=10.0)
-        with pytest.raises(BagError, match="must be positive"):
-            cut_of(bag, start_offset_s=-1.0)
-        with pytest.raises(BagError, match="must be positive"):
-            cut_of(bag, duration_s=0.0)
+@pytest.mark.parametrize(
+    ("given", "rule"),
+    [
+        ({"topics": ["/x"]}, "no topic /x"),
+        ({"start_offset_s": 10.0}, "nothing to play behind 10 s"),
+        ({"start_offset_s": -1.0}, "must be positive"),
+        ({"duration_s": 0.0}, "must be positive"),
+    ],
+)
+def test_refuses_what_cannot_be_played(path: Path, given: dict[str, Any], rule: str) -> None:
+    with BagReader(path) as bag, pytest.raises(BagError, match=rule):
+        cut_of(bag, **given)
+
+
+def test_of_an_empty_bag_nothing_can_be_played(tmp_path: Path) -> None:
     BagWriter(tmp_path / "empty").close()
     with BagReader(tmp_path / "empty") as bag, pytest.raises(BagError, match="nothing to play"):
         cut_of(bag)

@@ -10,11 +10,10 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 
-from bag.record import MS, WRENCH, Bytes, metadata
+from bag.record import MS, SUFFIXES, WRENCH, Bytes, metadata, times
 from hapticmech_ros.bag import BagReader, BagWriter
 from hapticmech_ros.errors import BagError
 
-SUFFIX = {"mcap": ".mcap", "sqlite3": ".db3"}
 COUNT = 2500
 
 
@@ -26,10 +25,10 @@ def write(path: Path, storage: str, make: Bytes, **limits: int) -> None:
             bag.write("/f", i * MS, make(i, float(i)))
 
 
-@pytest.mark.parametrize("storage", SUFFIX)
+@pytest.mark.parametrize("storage", SUFFIXES)
 def test_splits_by_duration(storage: str, tmp_path: Path, wrench_bytes: Bytes) -> None:
     write(tmp_path / "run", storage, wrench_bytes, split_ns=1000 * MS)
-    names = [f"run_{k}{SUFFIX[storage]}" for k in range(3)]
+    names = [f"run_{k}{SUFFIXES[storage]}" for k in range(3)]
     assert sorted(p.name for p in (tmp_path / "run").iterdir()) == ["metadata.yaml", *names]
     found = metadata(tmp_path / "run")
     assert found["relative_file_paths"] == names
@@ -39,19 +38,19 @@ def test_splits_by_duration(storage: str, tmp_path: Path, wrench_bytes: Bytes) -
     lasting = [entry["duration"]["nanoseconds"] for entry in found["files"]]
     assert lasting == [1000 * MS, 1000 * MS, 497 * MS]
     assert found["message_count"] == COUNT
+    assert times(tmp_path / "run") == [i * MS for i in range(COUNT)]
     with BagReader(tmp_path / "run") as bag:
-        assert [time for _, time, _ in bag.serialized()] == [i * MS for i in range(COUNT)]
         assert bag.topics["/latched"].count == 0
     with BagReader(tmp_path / "run" / names[1]) as alone:
         assert alone.topics["/f"].count == 1001
         assert alone.span_ns == (1001 * MS, 2001 * MS)
 
 
-@pytest.mark.parametrize("storage", SUFFIX)
+@pytest.mark.parametrize("storage", SUFFIXES)
 def test_splits_by_size(storage: str, tmp_path: Path, wrench_bytes: Bytes) -> None:
     limit = 100_000
     write(tmp_path / "run", storage, wrench_bytes, split_bytes=limit)
-    files = sorted((tmp_path / "run").glob(f"*{SUFFIX[storage]}"))
+    files = sorted((tmp_path / "run").glob(f"*{SUFFIXES[storage]}"))
     assert len(files) == len(metadata(tmp_path / "run")["files"]) > 2
     # An index and, in SQLite, half-filled pages come on top of messages.
     for file in files[:-1]:
@@ -62,30 +61,29 @@ def test_splits_by_size(storage: str, tmp_path: Path, wrench_bytes: Bytes) -> No
 
 def test_mcap_packages_read_every_file(tmp_path: Path, wrench_bytes: Bytes) -> None:
     write(tmp_path / "run", "mcap", wrench_bytes, split_ns=1000 * MS)
-    times = []
+    received = []
     for number in range(3):
         with (tmp_path / "run" / f"run_{number}.mcap").open("rb") as file:
             reader = make_reader(file, validate_crcs=True)
             summary = reader.get_summary()
-            assert summary is not None
             assert {c.topic for c in summary.channels.values()} == {"/f", "/latched"}
-            times += [message.log_time for _, _, message in reader.iter_messages()]
-    assert times == [i * MS for i in range(COUNT)]
+            received += [message.log_time for _, _, message in reader.iter_messages()]
+    assert received == [i * MS for i in range(COUNT)]
 
 
-@pytest.mark.parametrize("storage", SUFFIX)
+@pytest.mark.parametrize("storage", SUFFIXES)
 def test_orders_messages_around_the_end_of_a_file(
     storage: str, tmp_path: Path, wrench_bytes: Bytes
 ) -> None:
-    times = [0, 10, 30, 20, 40]
+    received = [0, 10, 30, 20, 40]
     with BagWriter(tmp_path / "run", storage) as bag:
         bag.add_topic("/f", WRENCH)
-        for number, time_ns in enumerate(times):
+        for number, time_ns in enumerate(received):
             if number == 3:
                 bag.split()
             bag.write("/f", time_ns, wrench_bytes(time_ns, 0.0))
     with BagReader(tmp_path / "run") as reader:
-        assert [time for _, time, _ in reader.serialized()] == sorted(times)
+        assert [time for _, time, _ in reader.serialized()] == sorted(received)
         assert [t for _, t, _ in reader.serialized(start_ns=20, stop_ns=40)] == [20, 30]
 
 

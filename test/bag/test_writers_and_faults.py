@@ -16,16 +16,15 @@ from pathlib import Path
 import mcap.writer as mcap
 import pytest
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
 
-from bag.record import record
+from bag.record import STORE, record
+from bag.record import alone as written_alone
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.bag.check import check, inspect_bag
 from hapticmech_ros.bag.repair import repair
 from hapticmech_ros.errors import BagError
 from sampling import sampled
 
-STORE = get_typestore(Stores.ROS2_JAZZY)
 STRING = "std_msgs/msg/String"
 TOPICS = ("/f", "/g")
 # Messages as CDR: in order, two of them at one time.
@@ -52,16 +51,7 @@ def library(path: Path, plugin: StoragePlugin, version: int, mode: str = "NONE")
 
 
 def alone(path: Path, **kinds: object) -> Path:
-    file = path.with_suffix(".mcap")
-    with file.open("wb") as stream:
-        writer = mcap.Writer(stream, chunk_size=1000, **kinds)  # type: ignore[arg-type]
-        writer.start(profile="ros2", library="not rosbag2")
-        schema = writer.register_schema(STRING, "ros2msg", b"string data\n")
-        topics = {name: writer.register_channel(name, "cdr", schema) for name in TOPICS}
-        for name, time_ns, data in TRUTH:
-            writer.add_message(topics[name], time_ns, data, time_ns)
-        writer.finish()
-    return file
+    return written_alone(path.with_suffix(".mcap"), TRUTH, STRING, **kinds)
 
 
 def first_tables(path: Path, version: int) -> Path:

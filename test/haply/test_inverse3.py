@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from benchmarks.children import wait_until
 from haply_service import SCENE, served
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.haply.emulator import START, Faults
@@ -34,11 +35,8 @@ def driver(uri, mounting=None, scene=SCENE, silence=SILENCE, device_id=""):
     return made
 
 
-def until(condition, seconds=10.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.001)
+def until(condition):
+    wait_until(condition, 10.0, "what has to happen", look_again_s=0.001)
 
 
 def found(device):

@@ -41,6 +41,11 @@ def live(scene="five_bar", *changes):
     return LiveSession(Open(scene, (*alone(scene), *changes)), 0.0)
 
 
+@pytest.fixture
+def session():
+    return live()
+
+
 def on_link(name, grip, goal):
     return Drag(Draggable("link", name), grip, goal)
 
@@ -57,8 +62,7 @@ def the_user(session):
     return user
 
 
-def test_it_does_the_ticks_of_a_session_none_more_and_none_less():
-    session = live()
+def test_it_does_the_ticks_of_a_session_none_more_and_none_less(session):
     until(session, 0.0, 1.0)
     plain = Session(load_scene("five_bar", changes=alone()))
     plain.run(round(session.session.time / plain.period))
@@ -67,8 +71,7 @@ def test_it_does_the_ticks_of_a_session_none_more_and_none_less():
     assert session.state().factor == pytest.approx(1.0, abs=0.02)
 
 
-def test_a_short_stall_is_caught_up_and_a_long_one_is_not():
-    session = live()
+def test_a_short_stall_is_caught_up_and_a_long_one_is_not(session):
     until(session, 0.0, 0.5)
     until(session, 0.55, 0.6)
     assert session.session.time == pytest.approx(0.6, abs=0.01)
@@ -76,16 +79,14 @@ def test_a_short_stall_is_caught_up_and_a_long_one_is_not():
     assert session.session.time == pytest.approx(0.6 + MOST_BEHIND_S + 0.5, abs=0.02)
 
 
-def test_slower_than_real_time_is_said():
-    session = live()
+def test_slower_than_real_time_is_said(session):
     for now in np.arange(0.0, 2.0, 0.02):  # 5 ticks every 20 ms
         session.advance(now)
     assert session.is_behind
     assert session.state().factor == pytest.approx(0.25, abs=0.02)
 
 
-def test_a_drag_of_the_hand_pulls_it_there():
-    session = live()
+def test_a_drag_of_the_hand_pulls_it_there(session):
     until(session, 0.0, 0.7)
     drag = pull(session, 0.01, 0.005)
     until(session, 0.7, 4.0, drag)
@@ -94,8 +95,7 @@ def test_a_drag_of_the_hand_pulls_it_there():
     assert the_user(session).device[:, 3] == pytest.approx(drag.goal, abs=2e-3)
 
 
-def test_the_force_of_a_drag_is_the_hands_wrench_and_keeps_to_the_devices_limit():
-    session = live()
+def test_the_force_of_a_drag_is_the_hands_wrench_and_keeps_to_the_devices_limit(session):
     until(session, 0.0, 0.1)
     until(session, 0.1, 0.12, pull(session, 10.0))
     force = the_drag(session).force
@@ -104,8 +104,7 @@ def test_the_force_of_a_drag_is_the_hands_wrench_and_keeps_to_the_devices_limit(
     assert the_user(session).hand_wrench[:3] == pytest.approx(force)
 
 
-def test_a_drag_ends_when_it_is_let_go():
-    session = live()
+def test_a_drag_ends_when_it_is_let_go(session):
     now = until(session, 0.0, 0.1)
     now = until(session, now, 0.3, pull(session, 0.02))
     assert np.linalg.norm(the_drag(session).force) > 0.1
@@ -134,9 +133,8 @@ def test_a_link_is_dragged_by_a_wrench_on_it(scene):
     assert drag.grip == pytest.approx(place, abs=2e-4)
 
 
-def test_a_drag_of_a_link_is_to_the_links_point_that_was_grabbed():
+def test_a_drag_of_a_link_is_to_the_links_point_that_was_grabbed(session):
     """Its wrench at the link's origin is the force with the lever arm of the grip."""
-    session = live()
     until(session, 0.0, 0.1)
     grip = np.array((0.02, 0.01, 0.0))
     link = session.session.simulator.mechanism.frame_pose(session.session.mechanism.q, "link3")
@@ -157,8 +155,7 @@ def test_a_stiffer_mouse_pulls_harder():
     assert forces[0] < 0.7 * forces[1]
 
 
-def test_pause_step_and_go_on():
-    session = live()
+def test_pause_step_and_go_on(session):
     now = until(session, 0.0, 0.2)
     session.take(Pause(True), now)
     stood = session.session.time
@@ -191,8 +188,7 @@ def test_pause_step_and_go_on():
     ],
     ids=str,
 )
-def test_what_cannot_be_had_is_refused_and_all_goes_on(command, words):
-    session = live()
+def test_what_cannot_be_had_is_refused_and_all_goes_on(session, command, words):
     now = until(session, 0.0, 0.1)
     told = session.take(command, now)
     assert isinstance(told, Failed)
@@ -203,8 +199,7 @@ def test_what_cannot_be_had_is_refused_and_all_goes_on(command, words):
     assert session.state().error == ""
 
 
-def test_loops_are_opened_and_shut():
-    session = live()
+def test_loops_are_opened_and_shut(session):
     now = until(session, 0.0, 0.1)
     assert session.take(SwitchClosure("ground_pin", False), now) is None
     now = until(session, now, now + 0.01)
@@ -214,8 +209,7 @@ def test_loops_are_opened_and_shut():
     assert session.state().active == (True,)
 
 
-def test_an_error_ends_the_session_with_its_reason_until_a_reset(monkeypatch):
-    session = live()
+def test_an_error_ends_the_session_with_its_reason_until_a_reset(session, monkeypatch):
     now = until(session, 0.0, 0.1)
 
     def failing(*_args, **_more):
@@ -233,8 +227,7 @@ def test_an_error_ends_the_session_with_its_reason_until_a_reset(monkeypatch):
     assert session.state().error == ""
 
 
-def test_a_recording_has_every_tick(tmp_path):
-    session = live()
+def test_a_recording_has_every_tick(session, tmp_path):
     now = until(session, 0.0, 0.1)
     folder = tmp_path / "bag"
     assert session.take(Record(str(folder)), now) is None

@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import time
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -16,16 +15,7 @@ import pytest
 
 from hapticmech_ros.live.grip import DRAG_TIMEOUT_S
 from hapticmech_ros.live.live_picture import LivePicture
-
-if find_spec("viser") is None:
-    pytest.skip("viser, of the extra live, is not installed", allow_module_level=True)
-
-from benchmarks.live.browser import Browser, chromium, wait_until
-
-if chromium() is None:
-    pytest.skip("Chromium is not installed", allow_module_level=True)
-
-from benchmarks.live.served import Served, drag, sight
+from live.in_browser import Browser, Served, drag, sight, wait_until
 
 # A browser without a GPU draws with the processor.
 pytestmark = pytest.mark.alone

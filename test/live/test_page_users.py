@@ -4,20 +4,10 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
-
 import numpy as np
 import pytest
 
-if find_spec("viser") is None:
-    pytest.skip("viser, of the extra live, is not installed", allow_module_level=True)
-
-from benchmarks.live.browser import Browser, chromium, wait_until
-
-if chromium() is None:
-    pytest.skip("Chromium is not installed", allow_module_level=True)
-
-from benchmarks.live.served import Served, drag, sight
+from live.in_browser import Browser, Served, drag, sight, wait_until
 from oracles.users import five_bar_of_two
 
 # A browser without a GPU draws with the processor.

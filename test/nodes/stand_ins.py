@@ -1,11 +1,26 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What stands for the middleware in tests without it."""
+"""What stands for the middleware in tests without it, and a wait for what happens there."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
+
+from benchmarks.children import wait_until
+
+# ns.
+MS = 1_000_000
+
+
+def at_last(
+    happened: Callable[[], object],
+    meanwhile: Callable[[], object] = lambda: None,
+    within_s: float = 20.0,
+) -> None:
+    """Do something over and over until something has happened."""
+    wait_until(happened, within_s, "what has to happen", meanwhile, look_again_s=0.0)
 
 
 class Publisher:
@@ -29,7 +44,6 @@ class Listed:
         self.names = names
 
     def get_publishers_info_by_topic(self, topic: str) -> list[SimpleNamespace]:
-        del topic
         return [
             SimpleNamespace(
                 node_namespace=name.rpartition("/")[0] or "/",

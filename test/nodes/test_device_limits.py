@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from hapticmech_ros.device.safety import SafetyLimits
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.device_driver import limits_of
@@ -45,15 +46,34 @@ BOUNDS = [
 OF_DEVICE = [name for name, _, _, _ in BOUNDS] + ["message_age_limit"]
 
 
-def test_by_themselves_they_are_the_scenes():
-    limits = limits_of(DeviceParameters(), DEVICE, PERIOD)
-    assert (limits.force, limits.torque) == (8.0, 0.4)
-    assert (limits.force_slew, limits.torque_slew) == (900.0, 30.0)
-    assert (limits.ramp, limits.radius) == (0.2, 0.3)
-    # A scene that says nothing bounds nothing but what every device has.
-    plain = limits_of(DeviceParameters(), Device(), PERIOD)
-    assert (plain.force_slew, plain.torque_slew, plain.ramp) == (2000.0, 100.0, 0.1)
-    assert plain.radius == math.inf
+SAFER = DeviceParameters(
+    force_limit=1.0,
+    torque_limit=0.1,
+    force_slew=10.0,
+    torque_slew=1.0,
+    start_ramp=2.0,
+    workspace_radius=0.1,
+    command_timeout=0.005,
+)
+# Of a scene that says nothing of them.
+PLAIN = {"force_slew": 2000.0, "torque_slew": 100.0, "ramp": 0.1, "radius": math.inf}
+
+
+@pytest.mark.parametrize(
+    ("parameters", "device", "limits"),
+    [
+        (DeviceParameters(), DEVICE, SafetyLimits(8.0, 0.4, 900.0, 30.0, 0.2, 0.3)),
+        (
+            DeviceParameters(),
+            Device(force_limit=5.0, torque_limit=0.2),
+            SafetyLimits(5.0, 0.2, **PLAIN),
+        ),
+        (SAFER, DEVICE, SafetyLimits(1.0, 0.1, 10.0, 1.0, 2.0, 0.1)),
+    ],
+    ids=["the scene's", "every device's", "safer"],
+)
+def test_they_are_the_scenes_or_safer(parameters, device, limits):
+    assert limits_of(parameters, device, PERIOD) == limits
 
 
 @pytest.mark.parametrize(("name", "allowed", "beyond", "rule"), BOUNDS)
@@ -63,22 +83,6 @@ def test_none_can_be_less_safe_than_the_scene_allows(name, allowed, beyond, rule
         limits_of(DeviceParameters(**{name: beyond}), DEVICE, PERIOD)
     assert str(refused.value).startswith(f"{name}: must be")
     assert f"got {beyond:g}" in str(refused.value)
-
-
-def test_safer_values_are_taken():
-    safer = DeviceParameters(
-        force_limit=1.0,
-        torque_limit=0.1,
-        force_slew=10.0,
-        torque_slew=1.0,
-        start_ramp=2.0,
-        workspace_radius=0.1,
-        command_timeout=0.005,
-    )
-    limits = limits_of(safer, DEVICE, PERIOD)
-    assert (limits.force, limits.torque) == (1.0, 0.1)
-    assert (limits.force_slew, limits.torque_slew) == (10.0, 1.0)
-    assert (limits.ramp, limits.radius) == (2.0, 0.1)
 
 
 def test_all_that_is_wrong_is_named():
@@ -94,30 +98,32 @@ def test_every_bounded_parameter_can_be_locked():
     assert set(SAFETY) - set(OF_DEVICE) <= set(ControllerParameters.model_fields)
 
 
-@pytest.mark.parametrize("name", [*OF_DEVICE, "scene", "control_rate", "hand", "use_sim_time"])
-def test_a_lock_keeps_what_safety_hangs_on(name):
-    assert locked_by(DeviceParameters(lock_safety=True), name) == "lock_safety"
-    assert locked_by(DeviceParameters(), name) == ""
-    assert locked_by(ControllerParameters(), "scene") == ""
+LOCKED = {
+    DeviceParameters: [*OF_DEVICE, "scene", "control_rate", "hand", "use_sim_time"],
+    ControllerParameters: [
+        *("input_timeout", "message_age_limit", "soften", "scene", "network_delay"),
+        "use_sim_time",
+    ],
+}
+# A controller is tuned while it renders.
+FREE = {
+    DeviceParameters: ["view_rate", "diagnostics_period", "hand_timeout"],
+    ControllerParameters: ["view_rate", "c1", "constraint_stiffness"],
+}
 
 
 @pytest.mark.parametrize(
-    "name",
-    ["input_timeout", "message_age_limit", "soften", "scene", "network_delay", "use_sim_time"],
+    ("kind", "name", "locked_by_it"),
+    [
+        (kind, name, by)
+        for table, by in ((LOCKED, "lock_safety"), (FREE, ""))
+        for kind, names in table.items()
+        for name in names
+    ],
 )
-def test_a_controllers_lock_keeps_what_safety_hangs_on(name):
-    assert locked_by(ControllerParameters(lock_safety=True), name) == "lock_safety"
-    assert locked_by(ControllerParameters(), name) == ""
-
-
-@pytest.mark.parametrize("name", ["view_rate", "c1", "constraint_stiffness"])
-def test_a_controllers_lock_leaves_what_is_tuned_while_it_renders(name):
-    assert locked_by(ControllerParameters(lock_safety=True), name) == ""
-
-
-@pytest.mark.parametrize("name", ["view_rate", "diagnostics_period", "hand_timeout"])
-def test_a_lock_leaves_the_rest(name):
-    assert locked_by(DeviceParameters(lock_safety=True), name) == ""
+def test_a_lock_keeps_what_safety_hangs_on_and_leaves_the_rest(kind, name, locked_by_it):
+    assert locked_by(kind(lock_safety=True), name) == locked_by_it
+    assert locked_by(kind(), name) == ""
 
 
 @pytest.mark.parametrize(

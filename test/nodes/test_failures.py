@@ -29,6 +29,11 @@ class Bench:
         self.ended += 1
 
 
+@pytest.fixture
+def bench():
+    return Bench()
+
+
 def raising(error):
     def call(*arguments):
         raise error
@@ -51,8 +56,7 @@ DEFECTS = [
 
 
 @pytest.mark.parametrize("error", [*DEFECTS, OutputError("v", 1e9, "must be less")])
-def test_nothing_escapes_and_the_actor_begins_anew(error):
-    bench = Bench()
+def test_nothing_escapes_and_the_actor_begins_anew(bench, error):
     bench.failures.run("tick", raising(error))
     assert (bench.failures.count, bench.begun, bench.node.active) == (1, 1, True)
     level, text = bench.log.lines[0]
@@ -67,8 +71,7 @@ def test_nothing_escapes_and_the_actor_begins_anew(error):
         assert bench.failures.defects == 1
 
 
-def test_what_goes_well_is_passed_through():
-    bench = Bench()
+def test_what_goes_well_is_passed_through(bench):
     got = []
     bench.failures.run("tick", lambda *given: got.append(given), 1, "two")
     assert got == [(1, "two")]
@@ -76,8 +79,7 @@ def test_what_goes_well_is_passed_through():
     assert bench.log.lines == []
 
 
-def test_who_keeps_on_meeting_a_defect_gives_up_and_is_deactivated():
-    bench = Bench()
+def test_who_keeps_on_meeting_a_defect_gives_up_and_is_deactivated(bench):
     for _ in range(MOST_DEFECTS - 1):
         bench.failures.run("tick", raising(TypeError("x")))
     assert bench.node.active
@@ -89,8 +91,7 @@ def test_who_keeps_on_meeting_a_defect_gives_up_and_is_deactivated():
     assert "deactivates itself" in bench.log.lines[-1][1]
 
 
-def test_what_was_foreseen_may_come_as_often_as_its_cause_does():
-    bench = Bench()
+def test_what_was_foreseen_may_come_as_often_as_its_cause_does(bench):
     for _ in range(10 * MOST_DEFECTS):
         bench.failures.run("tick", raising(OutputError("v", 1e9, "must be less")))
     assert bench.node.active
@@ -114,8 +115,7 @@ def test_a_node_that_cannot_even_be_deactivated_does_nothing_more():
     assert not bench.node.active
 
 
-def test_who_waits_for_an_answer_is_told():
-    bench = Bench()
+def test_who_waits_for_an_answer_is_told(bench):
 
     def answer(call):
         response = bench.failures.answer("closure", call, SimpleNamespace(), "done")
@@ -135,8 +135,7 @@ def test_who_waits_for_an_answer_is_told():
     assert answer(lambda: None) == (True, "done")
 
 
-def test_a_status_tells_of_failures_and_cannot_fail_itself():
-    bench = Bench()
+def test_a_status_tells_of_failures_and_cannot_fail_itself(bench):
     assert bench.failures.status(lambda: (True, "well", {"a": "1"})) == (
         True,
         "well",

@@ -64,21 +64,24 @@ def system(monkeypatch: pytest.MonkeyPatch) -> LateSystem:
     return made
 
 
-def inbox_of(system: LateSystem) -> Inbox:
+@pytest.fixture
+def inbox(system: LateSystem) -> Inbox:
     return Inbox(None, system, SimpleNamespace(begin=lambda turn: None))  # type: ignore[arg-type]
+
+
+def waited_ns(inbox: Inbox, system: LateSystem) -> int:
+    """Wait for 0.9 ms, and return how long that was."""
+    begun = system.now
+    inbox.wait(0.9e-3)
+    return system.now - begun
 
 
 @pytest.mark.parametrize("late_us", [0, 5, 30, 60])
 def test_deadlines_are_met_however_late_the_system_wakes_up(
-    system: LateSystem, late_us: int
+    inbox: Inbox, system: LateSystem, late_us: int
 ) -> None:
-    inbox = inbox_of(system)
     system.late_ns = late_us * US
-    lateness = []
-    for _ in range(60):
-        begun = system.now
-        inbox.wait(0.9e-3)
-        lateness.append(system.now - begun - 900 * US)
+    lateness = [waited_ns(inbox, system) - 900 * US for _ in range(60)]
     # The first ones tell how late it is.
     assert max(lateness[40:]) <= max(0, late_us * US - AWAKE_NS) + 8 * US
     assert min(lateness) >= 0
@@ -87,30 +90,26 @@ def test_deadlines_are_met_however_late_the_system_wakes_up(
     assert system.awake_ns <= 60 * (AWAKE_NS + 8 * US)
 
 
-def test_of_a_wait_no_more_than_a_share_is_spent_awake(system: LateSystem) -> None:
-    inbox = inbox_of(system)
+def test_of_a_wait_no_more_than_a_share_is_spent_awake(inbox: Inbox, system: LateSystem) -> None:
     system.late_ns = 500 * US
     for _ in range(50):
         inbox.wait(0.9e-3)
-    begun, system.late_ns, system.awake_ns = system.now, 0, 0
-    inbox.wait(0.9e-3)
+    system.late_ns = system.awake_ns = 0
+    assert waited_ns(inbox, system) <= 908 * US
     assert system.awake_ns <= min(900 * US // AWAKE_SHARE, AWAKE_NS) + 8 * US
-    assert system.now - begun <= 908 * US
 
 
-def test_a_message_ends_the_wait_also_while_it_looks(system: LateSystem) -> None:
-    inbox = inbox_of(system)
+def test_a_message_ends_the_wait_also_while_it_looks(inbox: Inbox, system: LateSystem) -> None:
     for _ in range(50):
         inbox.wait(0.9e-3)
     for after in (300 * US, 880 * US):
-        begun = system.now
-        system.message_ns = begun + after
-        inbox.wait(0.9e-3)
-        assert system.now - begun == after
+        system.message_ns = system.now + after
+        assert waited_ns(inbox, system) == after
 
 
-def test_a_wait_that_something_else_has_ended_teaches_nothing(system: LateSystem) -> None:
-    inbox = inbox_of(system)
+def test_a_wait_that_something_else_has_ended_teaches_nothing(
+    inbox: Inbox, system: LateSystem
+) -> None:
     collect = system.collect
 
     def rung(timeout_s: float = 0.0, longest_s: float = 0.0) -> None:
@@ -121,13 +120,9 @@ def test_a_wait_that_something_else_has_ended_teaches_nothing(system: LateSystem
         inbox.wait(0.9e-3)
     system.collect = rung  # type: ignore[method-assign]
     for _ in range(200):
-        begun = system.now
-        inbox.wait(0.9e-3)
-        assert system.now - begun <= 110 * US
+        assert waited_ns(inbox, system) <= 110 * US
     system.collect = collect  # type: ignore[method-assign]
-    begun = system.now
-    inbox.wait(0.9e-3)
-    assert 900 * US <= system.now - begun <= 910 * US
+    assert 900 * US <= waited_ns(inbox, system) <= 910 * US
 
 
 class Busy:

@@ -7,8 +7,8 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.nodes.inputs import ExpiringWrench, Standing
+from nodes.stand_ins import MS
 
-MS = 1_000_000
 PUSH = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.5])
 
 

@@ -31,7 +31,7 @@ from hapticmech_ros.nodes.lane import (
     lane_folder,
 )
 from hapticmech_ros.nodes.sources import Batch, Origin
-from nodes.stand_ins import Publisher
+from nodes.stand_ins import Publisher, at_last
 
 TOPIC = "/topic Kind"
 # More messages than a socket holds.
@@ -58,10 +58,7 @@ def lanes(folder: Path) -> Iterator[list[Lane]]:
 @pytest.fixture
 def received(lanes: list[Lane]) -> Received:
     """What the first lane hears on the topic, once all have met."""
-    found = Received()
-    lanes[0].listen(TOPIC, found)
-    meet(lanes)
-    return found
+    return heard(lanes[0], lanes)
 
 
 class Received(list):
@@ -80,6 +77,17 @@ class Received(list):
         return [message for message, _ in self]
 
 
+def heard(lane: Lane, lanes: list[Lane], every: bool = False) -> Received:
+    """Return what a lane hears on the topic from now on, once all know that it does."""
+    found = Received()
+    if every:
+        lane.listen_to_all(TOPIC, found.every)
+    else:
+        lane.listen(TOPIC, found)
+    meet(lanes)
+    return found
+
+
 def meet(lanes: list[Lane]) -> None:
     """Let lanes find each other and tell what they hear."""
 
@@ -95,14 +103,15 @@ def meet(lanes: list[Lane]) -> None:
         hand_on(lane)
 
 
-def until(condition: Callable[[], bool], *lanes: Lane, whole: bool = True) -> None:
+def until(condition: Callable[[], bool], *lanes: Lane) -> None:
     """Let lanes go on until a condition holds."""
-    end = time.monotonic() + 10.0
-    while not condition():
-        assert time.monotonic() < end
+
+    def go_on() -> None:
         for lane in lanes:
             look(lane)
-            hand_on(lane, whole=whole)
+            hand_on(lane)
+
+    at_last(condition, go_on, 10.0)
 
 
 def look(lane: Lane) -> None:
@@ -146,11 +155,7 @@ def test_who_wants_every_message_gets_it_after_those_who_answer(
     monkeypatch: pytest.MonkeyPatch, lanes: list[Lane]
 ) -> None:
     speaks, records, answers = lanes
-    kept, received = Received(), Received()
-    records.listen_to_all(TOPIC, kept.every)
-    meet(lanes)
-    answers.listen(TOPIC, received)
-    meet(lanes)
+    kept, received = heard(records, lanes, every=True), heard(answers, lanes)
     order = []
     plain = lane_module.Outgoing.send
 
@@ -170,9 +175,7 @@ def test_origins_tell_when_messages_were_sent_and_batches_are_in_that_order(
     lanes: list[Lane],
 ) -> None:
     one, two, receives = lanes
-    received = Received()
-    receives.listen_to_all(TOPIC, received.every)
-    meet(lanes)
+    received = heard(receives, lanes, every=True)
     times = [time.time_ns()]
     for number in range(6):
         send((one, two)[number % 2], bytes([number]))
@@ -203,7 +206,6 @@ def process(folder: Path, program: str = KILLED) -> Iterator[subprocess.Popen[st
     command = [sys.executable, "-c", textwrap.dedent(program), str(folder)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as made:
         try:
-            assert made.stdout is not None
             assert made.stdout.readline() == "ready\n"
             yield made
         finally:
@@ -258,13 +260,10 @@ def test_a_writer_that_never_pauses_keeps_no_reader(
 
 def test_messages_of_an_outlet_are_numbered_lost_ones_included(lanes: list[Lane]) -> None:
     speaks, first, second = lanes
-    early, late = Received(), Received()
-    first.listen_to_all(TOPIC, early.every)
-    meet(lanes)
+    early = heard(first, lanes, every=True)
     send(speaks, b"a")
     send(speaks, b"b", outlet=2)
-    second.listen_to_all(TOPIC, late.every)
-    meet(lanes)
+    late = heard(second, lanes, every=True)
     send(speaks, b"c", both=True)
     hand_on(first)
     hand_on(second)
@@ -331,12 +330,10 @@ class LongWait:
     settled, has_news = True, False
 
     def prepare(self, lane: Lane, waited: list[int], until_ns: int) -> bool:
-        del lane, until_ns
         self.waited = waited
         return True
 
     def __call__(self, lane: Lane) -> list[int]:
-        del lane
         time.sleep(0.001)
         return self.waited
 
@@ -397,9 +394,7 @@ def test_who_stalls_is_not_counted_until_it_goes_on(
 
 def test_who_wants_all_gets_all_in_order_though_it_falls_behind(lanes: list[Lane]) -> None:
     receives, speaks, _ = lanes
-    received, count = Received(), MOST_BEHIND
-    receives.listen_to_all(TOPIC, received.every)
-    meet(lanes)
+    received, count = heard(receives, lanes, every=True), MOST_BEHIND
     message = b"m" * 4000
     for number in range(count):
         send(speaks, message, number)
@@ -410,18 +405,15 @@ def test_who_wants_all_gets_all_in_order_though_it_falls_behind(lanes: list[Lane
 
 def test_a_change_of_what_is_heard_is_told(lanes: list[Lane]) -> None:
     speaks, receives, _ = lanes
-    received, late = Received(), Received()
     meet(lanes)
-    receives.listen(TOPIC, received)
-    meet(lanes)
+    received = heard(receives, lanes)
     send(speaks, b"a")
     receives.silence(TOPIC, received)
     # What was sent before it was told is dropped.
     hand_on(receives)
     meet(lanes)
     assert speaks.readers(TOPIC) == 0
-    receives.listen(TOPIC, late)
-    meet(lanes)
+    late = heard(receives, lanes)
     send(speaks, b"b")
     hand_on(receives)
     assert received == []
@@ -434,6 +426,11 @@ def test_a_killed_process_is_noticed_at_once_and_its_socket_removed_by_others(
     lane = Lane(folder)
     received = Received()
     lane.listen("/back Kind", received)
+
+    def go_on() -> None:
+        send(lane, b"m")
+        hand_on(lane)
+
     for _ in range(3):
         with process(folder) as other:
             received.clear()
@@ -441,11 +438,7 @@ def test_a_killed_process_is_noticed_at_once_and_its_socket_removed_by_others(
             other.kill()
             other.wait()
             # Though it does not look for others.
-            end = time.monotonic() + 10.0
-            while lane.readers(TOPIC) or lane.linked:
-                assert time.monotonic() < end
-                send(lane, b"m")
-                hand_on(lane)
+            at_last(lambda: not (lane.readers(TOPIC) or lane.linked), go_on, 10.0)
     until(lambda: len(list(folder.iterdir())) == 1, lane)
     lane.close()
     assert not folder.exists()
@@ -530,11 +523,9 @@ def test_without_a_descriptor_left_a_newcomer_is_met_later(
 
 def test_numbers_of_topics_begin_again(lanes: list[Lane]) -> None:
     receives, speaks, _ = lanes
-    received = Received()
     receives._next_code = (1 << 16) - 1
     receives.listen("/last Kind", Received())
-    receives.listen(TOPIC, received)
-    meet(lanes)
+    received = heard(receives, lanes)
     send(speaks, b"a")
     hand_on(receives)
     assert received.messages == [b"a"]
@@ -596,9 +587,7 @@ def test_the_middleware_carries_what_somebody_else_hears_and_the_copy_is_known(t
     assert talk.publish(b"alone") == "lane"
     assert len(talk.publisher.sent) == 1
     talk.publisher.subscriptions = 2
-    end = time.monotonic_ns() + 2 * CENSUS_NS
-    while time.monotonic_ns() < end:
-        pass
+    time.sleep(2e-9 * CENSUS_NS)
     assert talk.publish(b"for both") == "lane, middleware"
     assert talk.publisher.sent[1:] == [b"for both"]
     # The middleware is faster here: what went over the lane is taken first all the same.
@@ -665,11 +654,16 @@ def test_what_stays_and_what_has_no_kind_keeps_off_the_lane(talk: Talk) -> None:
         assert publisher.sent == [b"a"]
 
 
-def test_graphs_that_the_middleware_keeps_apart_have_folders_of_their_own(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture
+def base(tmp_path: Path) -> dict[str, str]:
+    """An environment whose folder for what runs is the test's own."""
     tmp_path.chmod(0o700)
-    base = {"XDG_RUNTIME_DIR": str(tmp_path)}
+    return {"XDG_RUNTIME_DIR": str(tmp_path)}
+
+
+def test_graphs_that_the_middleware_keeps_apart_have_folders_of_their_own(
+    base: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     plain = lane_folder(base)
     assert plain == lane_folder({**base, "ROS_DOMAIN_ID": "0", "HOME": "/else"})
     assert plain.is_relative_to(tmp_path)
@@ -687,9 +681,8 @@ def test_graphs_that_the_middleware_keeps_apart_have_folders_of_their_own(
 
 @pytest.mark.parametrize("mode", [0o755, 0o770, 0o701, 0])
 def test_a_folder_that_others_reach_is_refused_and_a_link_in_its_place(
-    tmp_path: Path, mode: int
+    base: dict[str, str], tmp_path: Path, mode: int
 ) -> None:
-    tmp_path.chmod(0o700)
     place = tmp_path / f"hapticmech_ros-{os.geteuid()}"
     if mode:
         place.mkdir()
@@ -698,16 +691,16 @@ def test_a_folder_that_others_reach_is_refused_and_a_link_in_its_place(
         (tmp_path / "there").mkdir(mode=0o700)
         place.symlink_to(tmp_path / "there")
     with pytest.raises(LaneError, match="must be a folder of mode 0700 of this user"):
-        Lane.open({"XDG_RUNTIME_DIR": str(tmp_path)})
+        Lane.open(base)
     exchange = Exchange()
-    exchange.join_lane({"XDG_RUNTIME_DIR": str(tmp_path)})
+    exchange.join_lane(base)
     assert exchange.lane is None
     assert str(place) in exchange.refusal
 
 
-def test_graphs_with_security_leave_it_to_the_middleware(tmp_path: Path) -> None:
-    tmp_path.chmod(0o700)
-    base = {"XDG_RUNTIME_DIR": str(tmp_path)}
+def test_graphs_with_security_leave_it_to_the_middleware(
+    base: dict[str, str], tmp_path: Path
+) -> None:
     with pytest.raises(LaneError, match="ROS_SECURITY_ENABLE is true"):
         lane_folder({**base, "ROS_SECURITY_ENABLE": "true"})
     assert not list(tmp_path.iterdir())
@@ -735,8 +728,7 @@ def test_there_is_news_of_who_comes_and_who_is_behind_only(
     """A kernel is left for it."""
     monkeypatch.setattr(lane_module, "LOOK_NS", 0)
     lane, other, _ = lanes
-    other.listen_to_all(TOPIC, Received().every)
-    meet(lanes)
+    heard(other, lanes, every=True)
     os.utime(folder, (0, 0))
     lane.look()
     assert not lane.has_news
@@ -751,8 +743,5 @@ def test_there_is_news_of_who_comes_and_who_is_behind_only(
     lane.look()
     assert not lane.has_news
     # Whoever wants all, and has not taken all.
-    end = time.monotonic() + 20.0
-    while not lane.has_news:
-        assert time.monotonic() < end
-        send(lane, bytes(50_000))
+    at_last(lambda: lane.has_news, lambda: send(lane, bytes(50_000)))
     until(lambda: not lane.has_news, *lanes)

@@ -10,8 +10,8 @@ import time
 import pytest
 
 from hapticmech_ros.nodes.node_time import STEP_NS, NodeTime, clock_step_text
+from nodes.stand_ins import MS
 
-MS = 1_000_000
 S = 1000 * MS
 
 

@@ -54,11 +54,6 @@ def stop(graph, on):
 
 
 @EACH
-def test_what_renders_is_enabled(graph, node):
-    assert state_of(graph, node) == "ENABLED"
-
-
-@EACH
 def test_disable_deactivates_with_nobody_under_a_force_and_enable_activates(graph, node):
     command(graph, node, "disable")
     assert state_of(graph, node) == "DISABLED"

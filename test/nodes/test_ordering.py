@@ -12,8 +12,8 @@ from hapticmech_ros.nodes.controller_ports import DevicePath
 from hapticmech_ros.nodes.inputs import FORGET_NS, InOrder, Latest, SampleAge
 from hapticmech_ros.nodes.local_loop import FRESH_NS, Answers, LocalLoop
 from hapticmech_ros.wire.messages import DeviceStateMessage, LocalFeedbackGain
+from nodes.stand_ins import MS
 
-MS = 1_000_000
 S = 1000 * MS
 
 

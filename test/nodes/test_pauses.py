@@ -16,8 +16,8 @@ from hapticmech_ros.nodes.timeouts import (
     Remedy,
     SenderPauses,
 )
+from nodes.stand_ins import MS
 
-MS = 1_000_000
 TIMEOUT_NS = 12 * MS
 
 

@@ -10,6 +10,8 @@ import threading
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -47,6 +49,7 @@ from hapticmech_ros.wire.stamped import encode_pose
 from hapticmech_ros.wire.state import StateLayout, WireState
 from hapticmech_ros.wire.topics import DEVICE_COMMAND
 from hapticmech_ros.wire.wrench import encode_wrench
+from nodes.stand_ins import MS, at_last
 
 STATES, MODELS = "/mechanism/state Float64MultiArray", "/analysis/handle/operational_model {}"
 MODELS = MODELS.format("Float64MultiArray")
@@ -55,7 +58,6 @@ DEVICE_STATES = "/device/state Float64MultiArray"
 DEVICE_COMMANDS = "/device/servo_cf WrenchStamped"
 GAINS = "/device/local_feedback_gain Float64MultiArray"
 RECEIVED = STATES, MODELS, COMMANDS, DEVICE_COMMANDS, DEVICE_STATES, GAINS
-MS = 1_000_000
 RCL_PUBLISHERS: list[Callable[[bytes], int]] = []
 
 
@@ -162,13 +164,12 @@ class Process:
     """An actor's process, and peers who speak to it and hear it.
 
     Args:
-        kind: of the actor.
-        scene: its scene.
         folder: of the lane.
+        kind: of the actor, of a five-bar.
         peers: what each hears and speaks on.
     """
 
-    def __init__(self, kind: Any, scene: str, folder: Path, *peers: tuple[str, str]) -> None:
+    def __init__(self, folder: Path, kind: Any, *peers: tuple[str, str]) -> None:
         self.exchange = Exchange()
         self.exchange.lane = Lane(folder)
         graph = SimpleNamespace(
@@ -188,7 +189,7 @@ class Process:
                 get_publisher_count=lambda: 0
             )
         )
-        host.actor = self.actor = kind(host, kind.parameters_type(scene=scene))
+        host.actor = self.actor = kind(host, kind.parameters_type(scene="five_bar"))
         self.peers = [Peer(folder, *one) for one in peers]
         host.begin()
         self.wait = self.exchange.lane.wait
@@ -196,30 +197,34 @@ class Process:
 
     def meet(self) -> None:
         """Let both find each other."""
-        end = time.monotonic() + 5.0
         lane = self.exchange.lane
-        while not all(peer.has_met(lane) for peer in self.peers):
-            assert time.monotonic() < end
+
+        def look() -> None:
             for one in (lane, *(peer.lane for peer in self.peers)):
                 one._looked_ns = -lane_module.LOOK_NS
                 one.look()
                 one.collect()
 
+        at_last(lambda: all(peer.has_met(lane) for peer in self.peers), look, 5.0)
+
     def settle(self, send: Callable[[], None]) -> None:
         """Send until a kernel does the work: both ways are used for a while at first."""
-        lane, end = self.exchange.lane, time.monotonic() + 20.0
-        while not lane.worked:
-            assert time.monotonic() < end
+
+        def go_on() -> None:
             send()
             self.go(2 * MS)
 
+        at_last(lambda: self.exchange.lane.worked, go_on)
+
     def until(self, happened: Callable[[], bool]) -> list[bytes]:
         """Go on until something has happened, and return what the peer has got by then."""
-        end, got = time.monotonic() + 20.0, self.answers()
-        while not happened():
-            assert time.monotonic() < end
+        got = self.answers()
+
+        def go_on() -> None:
             self.go(MS)
-            got += self.answers()
+            got.extend(self.answers())
+
+        at_last(happened, go_on)
         return got
 
     def speak(self, message: bytes, outlet: int = 1, both: bool = False) -> None:
@@ -261,6 +266,19 @@ def folder(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyP
     return made
 
 
+@pytest.fixture
+def begun(folder: Path) -> Iterator[Callable[..., Process]]:
+    """Begin an actor's process, which ends with the test."""
+    with ExitStack() as ends:
+
+        def begin(*given: Any, place: Path = folder) -> Process:
+            process = Process(place, *given)
+            ends.callback(process.close)
+            return process
+
+        yield begin
+
+
 class States:
     """States of a scene's mechanism, one after another, as messages."""
 
@@ -288,107 +306,141 @@ class States:
         return self._encoder.encode(values)
 
 
-def analysed_at(folder: Path) -> tuple[Process, States]:
-    process = Process(NullspaceAnalyser, "five_bar", folder, (MODELS, STATES))
-    states = States(Simulator(process.actor.scene))
-    process.settle(lambda: process.speak(states.next()))
-    process.answers()
-    return process, states
+@pytest.fixture
+def analyser(begun: Callable[..., Process]) -> Process:
+    return begun(NullspaceAnalyser, (MODELS, STATES))
 
 
 @pytest.fixture
-def analysed(folder: Path) -> Iterator[tuple[Process, States]]:
-    process, states = analysed_at(folder)
-    yield process, states
-    process.close()
+def states(analyser: Process) -> States:
+    """What the analyser answers by a kernel from now on."""
+    made = States(Simulator(analyser.actor.scene))
+    analyser.settle(lambda: analyser.speak(made.next()))
+    analyser.answers()
+    return made
+
+
+def instead_of_the_kernel(
+    process: Process, monkeypatch: pytest.MonkeyPatch, run: Callable[[Callable[[], int]], int]
+) -> None:
+    """Let something run the kernel, each time that it is to run."""
+    kernel = process.wait.kernel
+    monkeypatch.setattr(process.wait, "kernel", lambda: partial(run, kernel()))
 
 
 def by_the_kernel(process: Process, monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Return a list to which the kernel adds why it returned, each time it does."""
     codes: list[int] = []
-    kernel = process.wait.kernel
 
-    def noted() -> Callable[[], int]:
-        run = kernel()
+    def noting(kernel: Callable[[], int]) -> int:
+        codes.append(kernel())
+        return codes[-1]
 
-        def noting() -> int:
-            codes.append(run())
-            return codes[-1]
-
-        return noting
-
-    monkeypatch.setattr(process.wait, "kernel", noted)
+    instead_of_the_kernel(process, monkeypatch, noting)
     return codes
+
+
+def news_of_listeners(
+    process: Process,
+    monkeypatch: pytest.MonkeyPatch,
+    set_count: Callable[[int], object],
+    has_news: Callable[[], bool],
+) -> list[bool]:
+    """Return whether there is news where nobody and where somebody listens, as a kernel begins."""
+    seen: list[bool] = []
+
+    def noting(kernel: Callable[[], int]) -> int:
+        for count in (0, 1):
+            set_count(count)
+            time.sleep(2e-9 * exchange_module.CENSUS_NS)
+            seen.append(has_news())
+        return kernel()
+
+    instead_of_the_kernel(process, monkeypatch, noting)
+    process.until(lambda: seen)
+    return seen[:2]
+
+
+def by_kernel_and_by_python(
+    process: Process,
+    monkeypatch: pytest.MonkeyPatch,
+    values: list[tuple[Any, str, Any]],
+    arrays: Callable[[], list[Any]],
+) -> Iterator[tuple[bool, list[int]]]:
+    """Let a kernel work, and then Python, from the same values and numbers in arrays.
+
+    Yields:
+        Whether it is the kernel, and a list to which it adds why it returned.
+    """
+    kept = [one.copy() for one in arrays()]
+    for by_kernel in (True, False):
+        for one, name, value in values:
+            setattr(one, name, value)
+        for array, old in zip(arrays(), kept, strict=True):
+            array[:] = old
+        process.exchange.lane.wait = process.wait if by_kernel else None
+        codes = by_the_kernel(process, monkeypatch)
+        yield by_kernel, codes
+        assert bool(codes) == by_kernel
+        monkeypatch.undo()
 
 
 @pytest.mark.parametrize(("both", "rcl_fails"), [(False, False), (True, False), (True, True)])
 def test_states_are_answered_as_python_answers_them(
-    analysed: tuple[Process, States], monkeypatch: pytest.MonkeyPatch, both: bool, rcl_fails: bool
+    analyser: Process, states: States, monkeypatch: pytest.MonkeyPatch, both: bool, rcl_fails: bool
 ) -> None:
-    process, states = analysed
-    process.host.rcl_fails = rcl_fails
+    analyser.host.rcl_fails = rcl_fails
     # Whether the middleware carries all as well: somebody listens there.
-    process.host.outside = int(both)
-    process.until(lambda: process.actor._publish_model.way == both)
+    analyser.host.outside = int(both)
+    analyser.until(lambda: analyser.actor._publish_model.way == both)
     state, model = STATES.split()[0], MODELS.split()[0]
-    process.actor.age_limit_ns = 1 << 62
-    plain, lane = [states.next() for _ in range(40)], process.exchange.lane
-    before = process.actor.past.arrays, process.actor.counter.numbers.values.copy()
-    kept = [one.copy() for one in before[0]]
-    count, first, last = process.actor._count, process.actor.first_ns, process.actor.last_ns
-    found = []
-    for by_kernel in (True, False):
-        for array, old in zip(process.actor.past.arrays, kept, strict=True):
-            array[:] = old
-        process.actor.counter.numbers.values[:] = before[1]
-        process.actor._count, process.actor.first_ns = count, first
-        process.actor.last_ns = last
-        lane.wait = process.wait if by_kernel else None
-        codes = by_the_kernel(process, monkeypatch)
-        analyses, got = process.actor.analyses, []
-        process.host.carried[model].clear()
-        process.host.by_rcl = 0
+    actor = analyser.actor
+    actor.age_limit_ns = 1 << 62
+    plain, found = [states.next() for _ in range(40)], []
+    values = [(actor, name, getattr(actor, name)) for name in ("_count", "first_ns", "last_ns")]
+    arrays = lambda: [*actor.past.arrays, actor.counter.numbers.values]  # noqa: E731
+    for by_kernel, codes in by_kernel_and_by_python(analyser, monkeypatch, values, arrays):
+        analyses, got = actor.analyses, []
+        analyser.host.carried[model].clear()
+        analyser.host.by_rcl = 0
         for done, message in enumerate(plain, analyses + 1):
-            process.speak(message, both=both)
-            got += process.until(lambda done=done: process.actor.analyses == done)
-        got += process.answers()
-        assert bool(codes) == by_kernel
-        assert process.host.carried[model] == (got if both else [])
-        assert bool(process.host.by_rcl) == (by_kernel and both and not rcl_fails)
+            analyser.speak(message, both=both)
+            got += analyser.until(lambda done=done: actor.analyses == done)
+        got += analyser.answers()
+        assert analyser.host.carried[model] == (got if both else [])
+        assert bool(analyser.host.by_rcl) == (by_kernel and both and not rcl_fails)
         assert (lane_kernels.TO_SEND in codes) == (by_kernel and rcl_fails)
         # What the middleware brings of it is known.
-        assert all(process.exchange._copies[state].had(message) == both for message in plain)
-        process.exchange._copies[state].underway.clear()
-        assert process.actor._mechanisms.latest.number == process.peers[0].number
-        monkeypatch.undo()
+        assert all(analyser.exchange._copies[state].had(message) == both for message in plain)
+        analyser.exchange._copies[state].underway.clear()
+        assert actor._mechanisms.latest.number == analyser.peers[0].number
         found.append(got)
-    assert process.exchange.lane.sent(process.actor._publish_model.number) > 2 * len(plain)
+    assert analyser.exchange.lane.sent(actor._publish_model.number) > 2 * len(plain)
     assert len(found[0]) == len(plain)
     assert found[0] == found[1]
 
 
 @pytest.fixture
-def shared(analysed: tuple[Process, States]) -> Iterator[tuple[Process, States]]:
-    """An analyser's process whose thread shares its turn with others, and its states."""
-    turn = analysed[0].exchange.lane.turn
+def shared(analyser: Process, states: States) -> Iterator[None]:
+    """Let the thread of the analyser's process share its turn with others."""
+    turn = analyser.exchange.lane.turn
     turn.share()
-    yield analysed
+    yield
     if turn.is_shared:
         turn.end()
 
 
 def test_copies_of_what_a_kernel_has_read_are_dropped_while_it_goes_on(
-    shared: tuple[Process, States],
+    shared: None,
+    analyser: Process,
+    states: States,
 ) -> None:
     """And one of which no copy came is still known as the kernel's when it ends."""
-    process, states = shared
-    exchange, called, done = process.exchange, [], []
+    exchange, called, done = analyser.exchange, [], []
 
     def send(message: bytes) -> None:
-        process.speak(message, both=True)
-        answered = time.monotonic() + 20.0
-        while not process.answers():
-            assert time.monotonic() < answered
+        analyser.speak(message, both=True)
+        at_last(analyser.answers)
 
     def work() -> None:
         missing, copied, early, foreign = (states.next() for _ in range(4))
@@ -428,22 +480,21 @@ def test_copies_of_what_a_kernel_has_read_are_dropped_while_it_goes_on(
 
 
 def test_a_callback_in_another_thread_stops_the_kernel_and_knows_what_it_has_done(
-    shared: tuple[Process, States],
+    shared: None,
+    analyser: Process,
+    states: States,
 ) -> None:
-    process, states = shared
-    exchange, before = process.exchange, process.actor.analyses
+    exchange, before = analyser.exchange, analyser.actor.analyses
     known: list[tuple[int, bool, int]] = []
 
     def callback() -> None:
         sent = states.next()
-        process.speak(sent, both=True)
-        answered = time.monotonic() + 20.0
-        while not process.answers():
-            assert time.monotonic() < answered
+        analyser.speak(sent, both=True)
+        at_last(analyser.answers)
         asked = time.monotonic_ns()
         with exchange.taken():
             had = exchange._copies[STATES.split()[0]].had(sent)
-            known.append((process.actor.analyses, had, time.monotonic_ns() - asked))
+            known.append((analyser.actor.analyses, had, time.monotonic_ns() - asked))
             # What others would have to wait for.
             assert exchange.settled
 
@@ -453,7 +504,7 @@ def test_a_callback_in_another_thread_stops_the_kernel_and_knows_what_it_has_don
         exchange.collect(0.5)
         exchange.deliver()
     thread.join()
-    assert process.exchange.lane.worked
+    assert analyser.exchange.lane.worked
     analyses, had, waited_ns = known[0]
     assert (analyses, had) == (before + 1, True)
     # It was not waited for until the kernel's time was up.
@@ -461,10 +512,9 @@ def test_a_callback_in_another_thread_stops_the_kernel_and_knows_what_it_has_don
 
 
 def test_views_are_published_by_another_thread_while_the_kernel_goes_on(
-    shared: tuple[Process, States], monkeypatch: pytest.MonkeyPatch
+    shared: None, analyser: Process, states: States, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    process, states = shared
-    exchange, actor = process.exchange, process.actor
+    exchange, actor = analyser.exchange, analyser.actor
     turn, seen = exchange.lane.turn, list[int]()
     # Also where this test has no processor for a while.
     monkeypatch.setattr(plain_messages, "GIVE_WAY_NS", 0)
@@ -472,7 +522,7 @@ def test_views_are_published_by_another_thread_while_the_kernel_goes_on(
     monkeypatch.setattr(type(actor), "until_view", until_view)
     actor.view_every = 3
     monkeypatch.setattr(actor, "publish_view", lambda found, count: seen.append(count))
-    codes = by_the_kernel(process, monkeypatch)
+    codes = by_the_kernel(analyser, monkeypatch)
     before, done = actor.analyses, list[int]()
 
     def publish() -> None:
@@ -480,14 +530,12 @@ def test_views_are_published_by_another_thread_while_the_kernel_goes_on(
             turn.publish_views()
 
     def speak() -> None:
-        end = time.monotonic() + 20.0
         for number in range(before, before + 9):
-            process.speak(states.next())
-            while not process.answers():
-                assert time.monotonic() < end
+            analyser.speak(states.next())
+            at_last(analyser.answers)
             # Who is not seen yet is not followed by another one.
-            while len(seen) < number // 3 - (before - 1) // 3:
-                assert time.monotonic() < end
+            views = number // 3 - (before - 1) // 3
+            at_last(lambda views=views: len(seen) >= views)
         with exchange.taken():
             done.append(actor.analyses)
 
@@ -518,91 +566,74 @@ def nobody_holds(values: Any) -> None:
 
 @pytest.mark.parametrize("spoil", [nan, old, nobody_holds])
 def test_what_breaks_a_rule_is_refused_once_and_named(
-    analysed: tuple[Process, States], spoil: Callable[[Any], None]
+    analyser: Process, states: States, spoil: Callable[[Any], None]
 ) -> None:
-    process, states = analysed
-    refused, analyses = process.host.refused, process.actor.analyses
-    process.speak(states.next(spoil))
-    process.until(lambda: process.host.refused > refused)
-    process.go(2 * MS)
-    assert process.host.refused == refused + 1
-    assert process.host.last_refusal.startswith("mechanism/state: ")
-    assert process.answers() == []
+    refused, analyses = analyser.host.refused, analyser.actor.analyses
+    analyser.speak(states.next(spoil))
+    analyser.until(lambda: analyser.host.refused > refused)
+    analyser.go(2 * MS)
+    assert analyser.host.refused == refused + 1
+    assert analyser.host.last_refusal.startswith("mechanism/state: ")
+    assert analyser.answers() == []
     # And what comes then is answered again.
-    process.speak(states.next())
-    got = process.until(lambda: process.actor.analyses > analyses)
-    assert process.actor.analyses == analyses + 1
-    assert len(got + process.answers()) == 1
+    analyser.speak(states.next())
+    got = analyser.until(lambda: analyser.actor.analyses > analyses)
+    assert analyser.actor.analyses == analyses + 1
+    assert len(got + analyser.answers()) == 1
 
 
 def test_a_second_mechanism_is_noticed_and_nobody_answered(
-    analysed: tuple[Process, States],
+    analyser: Process,
+    states: States,
 ) -> None:
-    process, states = analysed
-    process.speak(states.next(), outlet=2)
-    process.speak(states.next())
-    process.until(lambda: bool(process.actor.status()[2]["fault"]))
-    well, sentence, _ = process.actor.status()
+    analyser.speak(states.next(), outlet=2)
+    analyser.speak(states.next())
+    analyser.until(lambda: bool(analyser.actor.status()[2]["fault"]))
+    well, sentence, _ = analyser.actor.status()
     assert not well
     assert "more than one publisher of /mechanism/state" in sentence
 
 
-def test_a_point_that_is_held_elsewhere_is_followed(analysed: tuple[Process, States]) -> None:
-    process, states = analysed
+def test_a_point_that_is_held_elsewhere_is_followed(analyser: Process, states: States) -> None:
 
     def moved(values: Any) -> None:
         values[-8 + 1] += 0.01
 
-    held = process.actor.grasp
-    process.speak(states.next(moved))
-    got = process.until(lambda: process.actor.grasp is not held)
+    held = analyser.actor.grasp
+    analyser.speak(states.next(moved))
+    got = analyser.until(lambda: analyser.actor.grasp is not held)
     grasp = OperationalModelMessage.layout.slice("grasp")
-    (answer,) = got + process.answers()
+    (answer,) = got + analyser.answers()
     told = FlatArray(OperationalModelMessage.layout).decode(answer)[grasp]
-    assert told[1] == pytest.approx(flat_grasps(process.actor.scene)[0][1] + 0.01)
+    assert told[1] == pytest.approx(flat_grasps(analyser.actor.scene)[0][1] + 0.01)
 
 
 def test_a_kernel_is_left_for_subscribers_outside_that_come_or_go(
-    analysed: tuple[Process, States], monkeypatch: pytest.MonkeyPatch
+    analyser: Process, states: States, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    process, states = analysed
-    exchange, kernel, seen = process.exchange, process.wait.kernel, list[bool]()
-    process.until(lambda: process.actor._publish_model.way is False)
+    exchange, host = analyser.exchange, analyser.host
+    analyser.until(lambda: analyser.actor._publish_model.way is False)
     # Looked at now, after a last change long ago: of the lane there are no news.
     os.utime(exchange.lane._folder, (0, 0))
     exchange.lane._looked_ns = -lane_module.LOOK_NS
     exchange.lane.look()
-
-    def noted() -> Callable[[], int]:
-        run = kernel()
-
-        def noting() -> int:
-            for outside in (process.host.outside, 1 - process.host.outside):
-                process.host.outside = outside
-                time.sleep(2e-9 * exchange_module.CENSUS_NS)
-                seen.append(exchange.has_news)
-            return run()
-
-        return noting
-
     assert not exchange.has_news
-    monkeypatch.setattr(process.wait, "kernel", noted)
-    process.speak(states.next())
-    process.until(lambda: seen)
-    assert seen[:2] == [False, True]
+    analyser.speak(states.next())
+    listen = partial(setattr, host, "outside")
+    seen = news_of_listeners(analyser, monkeypatch, listen, lambda: exchange.has_news)
+    assert seen == [False, True]
 
 
 def test_a_publication_that_fails_is_counted_and_ends_nobody(
-    analysed: tuple[Process, States], monkeypatch: pytest.MonkeyPatch
+    analyser: Process, states: States, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    process, states = analysed
-    actor = process.actor
-    outlet, codes = actor._publish_model, by_the_kernel(process, monkeypatch)
-    process.host.outside, process.host.rcl_fails = 1, True
-    process.until(lambda: outlet.way is True)
+    actor = analyser.actor
+    outlet, codes = actor._publish_model, by_the_kernel(analyser, monkeypatch)
+    analyser.host.outside, analyser.host.rcl_fails = 1, True
+    analyser.until(lambda: outlet.way is True)
     # By the kernel from here on: Python's own messages would fail too, and end the actor first.
-    process.exchange.lane.worked = False
-    process.settle(lambda: process.speak(states.next()))
+    analyser.exchange.lane.worked = False
+    analyser.settle(lambda: analyser.speak(states.next()))
     codes.clear()
 
     def fails(message: bytes) -> None:
@@ -611,22 +642,16 @@ def test_a_publication_that_fails_is_counted_and_ends_nobody(
     monkeypatch.setattr(outlet, "publish_outside", fails)
 
     def spoken() -> bool:
-        process.speak(states.next())
+        analyser.speak(states.next())
         return bool(actor.failures.count and lane_kernels.TO_SEND in codes)
 
-    process.until(spoken)
+    analyser.until(spoken)
     assert "no context" in actor.failures.last
 
 
-def moving_at(folder: Path) -> Process:
-    return Process(MechanismSimulator, "five_bar", folder, (STATES, COMMANDS))
-
-
 @pytest.fixture
-def moving(folder: Path) -> Iterator[Process]:
-    process = moving_at(folder)
-    yield process
-    process.close()
+def moving(begun: Callable[..., Process]) -> Process:
+    return begun(MechanismSimulator, (STATES, COMMANDS))
 
 
 WRENCH = np.array((0.3, -0.2, 0.0, 0.0, 0.0, 0.01))
@@ -713,20 +738,15 @@ def test_whoever_wants_python_gets_it_after_a_step(
 ) -> None:
     actor, link, turn = moving.actor, moving.wait.link, moving.exchange.lane.turn
     moving.settle(lambda: command(moving))
-    kernel, left_ns = moving.wait.kernel, []
+    left_ns = []
 
-    def noted() -> Callable[[], int]:
-        run = kernel()
+    def noting(kernel: Callable[[], int]) -> int:
+        code = kernel()
+        if link.asked:
+            left_ns.append(link.next - link.ahead - time.monotonic_ns())
+        return code
 
-        def noting() -> int:
-            code = run()
-            if link.asked:
-                left_ns.append(link.next - link.ahead - time.monotonic_ns())
-            return code
-
-        return noting
-
-    monkeypatch.setattr(moving.wait, "kernel", noted)
+    instead_of_the_kernel(moving, monkeypatch, noting)
 
     def ring() -> None:
         for _ in range(60):
@@ -763,38 +783,26 @@ def test_a_kernel_that_has_done_steps_is_to_do_the_next_unless_it_left_one(
 
 
 def test_a_mechanism_that_nobody_listens_to_moves_without_python_until_somebody_does(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
+    begun: Callable[..., Process], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    process = Process(MechanismSimulator, "five_bar", folder, ("", COMMANDS))
+    process = begun(MechanismSimulator, ("", COMMANDS))
     outlet = process.actor._plain._published[0].outlet
     monkeypatch.setattr(outlet.publisher, "get_subscription_count", lambda: 0)
     process.settle(lambda: command(process))
-    begun = process.actor._ticks
-    process.until(lambda: process.actor._ticks > begun + 20 and process.exchange.lane.worked)
+    first = process.actor._ticks
+    process.until(lambda: process.actor._ticks > first + 20 and process.exchange.lane.worked)
     assert outlet.ways() == "nobody"
-    seen, sent = list[bool](), len(process.host.carried[STATES.split()[0]])
-    kernel = process.wait.kernel
+    sent = len(process.host.carried[STATES.split()[0]])
 
-    def noted() -> Callable[[], int]:
-        run = kernel()
+    def listen(count: int) -> None:
+        outlet.publisher.get_subscription_count = lambda: count
 
-        def noting() -> int:
-            for count in (0, 1):
-                outlet.publisher.get_subscription_count = lambda count=count: count
-                time.sleep(2e-9 * exchange_module.CENSUS_NS)
-                seen.append(process.wait.has_news)
-            return run()
-
-        return noting
-
-    monkeypatch.setattr(process.wait, "kernel", noted)
-    process.until(lambda: seen)
-    assert seen[:2] == [False, True]
+    seen = news_of_listeners(process, monkeypatch, listen, lambda: process.wait.has_news)
+    assert seen == [False, True]
     monkeypatch.undo()
-    outlet.publisher.get_subscription_count = lambda: 1
+    listen(1)
     process.until(lambda: process.host.by_rcl > 5)
     assert len(process.host.carried[STATES.split()[0]]) >= sent + process.host.by_rcl
-    process.close()
 
 
 class Inputs:
@@ -836,15 +844,20 @@ class Inputs:
         return self._device.encode(device.values), self._model.encode(self._writer.message.values)
 
 
-def rendering_at(folder: Path, gains: str) -> tuple[Process, Inputs]:
+def begin_rendering(begun: Callable[..., Process], gains: str) -> Process:
     peers = (DEVICE_COMMANDS, DEVICE_STATES), ("", MODELS), (COMMANDS, ""), (gains, "")
-    process = Process(TeleoperationController, "five_bar", folder, *peers)
-    actor, inputs = process.actor, Inputs(process.actor.scene)
+    process = begun(TeleoperationController, *peers)
     # Samples are a millisecond apart by their stamps, whenever they come.
-    actor.age_limit_ns = actor.timeout_ns = 1 << 62
+    process.actor.age_limit_ns = process.actor.timeout_ns = 1 << 62
+    return process
+
+
+def begin_inputs(process: Process) -> Inputs:
+    """Return what a controller answers by a kernel from now on."""
+    inputs = Inputs(process.actor.scene)
     process.settle(lambda: render(process, inputs))
     process.go(20 * MS)
-    return process, inputs
+    return inputs
 
 
 def render(process: Process, inputs: Inputs) -> None:
@@ -855,11 +868,21 @@ def render(process: Process, inputs: Inputs) -> None:
     device.speak(sample)
 
 
+def render_one(process: Process, inputs: Inputs) -> None:
+    """Send the next sample, and wait until it is answered."""
+    answers = process.actor._outputs.answers
+    render(process, inputs)
+    process.until(lambda: process.actor._outputs.answers > answers)
+
+
 @pytest.fixture(params=[GAINS, ""], ids=["gains are read", "gains are not read"])
-def rendering(folder: Path, request: pytest.FixtureRequest) -> Iterator[tuple[Process, Inputs]]:
-    process, inputs = rendering_at(folder, request.param)
-    yield process, inputs
-    process.close()
+def controller(begun: Callable[..., Process], request: pytest.FixtureRequest) -> Process:
+    return begin_rendering(begun, request.param)
+
+
+@pytest.fixture
+def inputs(controller: Process) -> Inputs:
+    return begin_inputs(controller)
 
 
 def remembered(actor: Any) -> list[tuple[Any, str, Any]]:
@@ -885,40 +908,33 @@ def arrays_of(actor: Any) -> list[Any]:
 
 @pytest.mark.parametrize("late", [0, 1, 3])
 def test_samples_are_answered_as_python_answers_them(
-    rendering: tuple[Process, Inputs], monkeypatch: pytest.MonkeyPatch, late: int
+    controller: Process, inputs: Inputs, monkeypatch: pytest.MonkeyPatch, late: int
 ) -> None:
-    process, inputs = rendering
-    actor, (device, analyser, mechanism, local) = process.actor, process.peers
+    actor, (device, analyser, mechanism, local) = controller.actor, controller.peers
     plain, kept = [inputs.next(late) for _ in range(40)], remembered(actor)
-    arrays = [one.copy() for one in arrays_of(actor)]
-    for peer in process.peers:
+    for peer in controller.peers:
         peer.answers()
-    found, ended, outside = [], [], process.host.carried[GAINS.split()[0]]
-    for by_kernel in (True, False):
+    found, ended, outside = [], [], controller.host.carried[GAINS.split()[0]]
+    arrays = partial(arrays_of, actor)
+    for by_kernel, _ in by_kernel_and_by_python(controller, monkeypatch, kept, arrays):
         outside.clear()
-        for one, name, value in kept:
-            setattr(one, name, value)
-        for array, old in zip(arrays_of(actor), arrays, strict=True):
-            array[:] = old
-        process.exchange.lane.wait = process.wait if by_kernel else None
-        codes = by_the_kernel(process, monkeypatch)
         to_device, to_mechanism, gains, done = [], [], [], actor._outputs.answers
         for sample, model in plain:
             received = actor._model_pauses.looked_ns
             analyser.speak(model)
             if not by_kernel:
-                process.until(lambda received=received: actor._model_pauses.looked_ns != received)
+                controller.until(
+                    lambda received=received: actor._model_pauses.looked_ns != received
+                )
             device.speak(sample)
             done += 1
-            to_device += process.until(lambda done=done: actor._outputs.answers == done)
+            to_device += controller.until(lambda done=done: actor._outputs.answers == done)
             to_mechanism += mechanism.answers()
             gains += local.answers()
         to_device += device.answers()
         to_mechanism += mechanism.answers()
         # Who is not on the lane reads them as well.
         gains += local.answers() if local.received else outside
-        assert bool(codes) == by_kernel
-        monkeypatch.undo()
         found.append((to_device, to_mechanism, gains))
         ended.append([one.copy() for one in arrays_of(actor)])
     assert len(found[0][0]) == len(found[0][1]) == len(plain)
@@ -930,34 +946,26 @@ def test_samples_are_answered_as_python_answers_them(
 
 
 def test_after_a_senders_pause_each_message_is_answered_and_the_pause_is_known(
-    rendering: tuple[Process, Inputs], monkeypatch: pytest.MonkeyPatch
+    controller: Process, inputs: Inputs, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    process, inputs = rendering
-    actor, (device, analyser, *_) = process.actor, process.peers
-    answered, noted, link = actor.answered, list[tuple[Any, Any]](), process.wait.link
+    actor = controller.actor
+    answered, noted, link = actor.answered, list[tuple[Any, Any]](), controller.wait.link
 
     def note(*given: Any) -> None:
         noted.append((link.of_device.pauses.each(), link.of_analyser.pauses.each()))
         answered(*given)
 
-    def speak() -> None:
-        sample, model = inputs.next()
-        analyser.speak(model)
-        device.speak(sample)
-
     def has_just_told_gains() -> bool:
-        answers = actor._outputs.answers
-        speak()
-        process.until(lambda: actor._outputs.answers > answers)
+        render_one(controller, inputs)
         return bool(actor._outputs.gain_from_ns >= inputs.stamp_ns + 8 * MS)
 
-    process.until(has_just_told_gains)
+    controller.until(has_just_told_gains)
     monkeypatch.setattr(actor, "answered", note)
     answers = actor._outputs.answers
     inputs.stamp_ns += 5 * MS
     for _ in range(2):
-        speak()
-    process.until(lambda: actor._outputs.answers == answers + 2)
+        render(controller, inputs)
+    controller.until(lambda: actor._outputs.answers == answers + 2)
     after = [[inputs.stamp_ns - MS, 5 * MS]]
     assert (after, after) in noted
     for sender in (actor._device_pauses, actor._model_pauses):
@@ -965,18 +973,14 @@ def test_after_a_senders_pause_each_message_is_answered_and_the_pause_is_known(
 
 
 def test_a_round_trip_that_changes_no_gains_needs_no_python(
-    rendering: tuple[Process, Inputs], monkeypatch: pytest.MonkeyPatch
+    controller: Process, inputs: Inputs, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    process, inputs = rendering
-    actor, (device, analyser, *_) = process.actor, process.peers
-    codes, tolerated = by_the_kernel(process, monkeypatch), 2e-3
+    actor = controller.actor
+    codes, tolerated = by_the_kernel(controller, monkeypatch), 2e-3
 
     def answer(round_trip: float) -> None:
-        inputs.round_trip, done = round_trip, actor._outputs.answers
-        sample, model = inputs.next()
-        analyser.speak(model)
-        device.speak(sample)
-        process.until(lambda: actor._outputs.answers > done)
+        inputs.round_trip = round_trip
+        render_one(controller, inputs)
 
     answer(1e-4)
     codes.clear()
@@ -996,11 +1000,10 @@ POSES, AT_ORIGIN = "/device/measured_cp PoseStamped", (0.0, 0.0, 0.0, 0.0, 0.0, 
 
 
 def test_what_a_device_says_beside_its_samples_needs_no_python(
-    rendering: tuple[Process, Inputs], monkeypatch: pytest.MonkeyPatch
+    controller: Process, inputs: Inputs, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The controller reads CRTK's topics of drivers that have no samples; others publish both."""
-    process, inputs = rendering
-    actor, (device, analyser, *_) = process.actor, process.peers
+    actor, (device, analyser, *_) = controller.actor, controller.peers
     (sources,) = (who for topic, who in actor._crtk.streams if topic == POSES)
     # Python looks for a device that is silent.
     actor.timeout_ns = 10_000 * MS
@@ -1013,12 +1016,12 @@ def test_what_a_device_says_beside_its_samples_needs_no_python(
         pose = encode_pose(AT_ORIGIN, next(numbers))
         device.lane.send(POSES, 7, int(both), pose, both)
         device.speak(sample)
-        process.until(lambda: actor._outputs.answers > done)
+        controller.until(lambda: actor._outputs.answers > done)
 
     # Python has to know the publisher first.
     speak()
     sent = sources.latest.sent
-    codes = by_the_kernel(process, monkeypatch)
+    codes = by_the_kernel(controller, monkeypatch)
     for _ in range(20):
         speak()
     # Now and then for the lane itself.
@@ -1026,7 +1029,7 @@ def test_what_a_device_says_beside_its_samples_needs_no_python(
     codes.clear()
     assert sources.latest.sent == sent + 20
     assert sources.latest.number == 0
-    assert not actor._rivals(process.host.now_ns())
+    assert not actor._rivals(controller.host.now_ns())
     # The copy is known by the message's bytes.
     speak(both=True)
     assert lane_kernels.TO_READ in codes
@@ -1037,13 +1040,13 @@ def test_what_a_device_says_beside_its_samples_needs_no_python(
     def noticed() -> bool:
         # At the latest before a sample is answered.
         device.speak(inputs.next()[0])
-        return bool(actor._rivals(process.host.now_ns()))
+        return bool(actor._rivals(controller.host.now_ns()))
 
-    process.until(noticed)
+    controller.until(noticed)
 
 
-def driven_at(folder: Path) -> Process:
-    process = Process(HapticDevice, "five_bar", folder, (DEVICE_STATES, DEVICE_COMMANDS))
+def begin_driving(begun: Callable[..., Process], **place: Path) -> Process:
+    process = begun(HapticDevice, (DEVICE_STATES, DEVICE_COMMANDS), **place)
     # Whatever else runs here.
     process.actor.timeout_ns = 10_000 * MS
     # As many as a kernel makes up for at once.
@@ -1052,10 +1055,8 @@ def driven_at(folder: Path) -> Process:
 
 
 @pytest.fixture
-def driven(folder: Path) -> Iterator[Process]:
-    process = driven_at(folder)
-    yield process
-    process.close()
+def driven(begun: Callable[..., Process]) -> Process:
+    return begin_driving(begun)
 
 
 class Logged:
@@ -1210,19 +1211,13 @@ def test_a_gain_that_breaks_a_rule_is_refused_once_and_named(
             peer.lane.send(GAINS, 2, 0, encoder.prefix + gain.tobytes(), False)
             peer.speak(encode_wrench(np.zeros(6), stamp))
 
-    def until(happened: Callable[[], bool], spoil: Callable[[Any], None] | None = None) -> None:
-        end = time.monotonic() + 20.0
-        while not happened():
-            assert time.monotonic() < end
-            answer(spoil)
-
-    until(lambda: log.gains_by_kernel > 5)
+    at_last(lambda: log.gains_by_kernel > 5, answer)
     refused, taken = driven.host.refused, driven.actor.loop.energies.copy()
-    until(lambda: driven.host.refused > refused, spoil)
+    at_last(lambda: driven.host.refused > refused, partial(answer, spoil))
     assert driven.host.last_refusal.startswith("device/local_feedback_gain: ")
     assert driven.actor.loop.energies.tolist() == taken.tolist()
     before = log.gains_by_kernel
-    until(lambda: log.gains_by_kernel > before)
+    at_last(lambda: log.gains_by_kernel > before, answer)
 
 
 def test_a_loop_that_is_opened_is_announced(moving: Process) -> None:
@@ -1237,13 +1232,13 @@ def test_a_loop_that_is_opened_is_announced(moving: Process) -> None:
 
 
 def test_a_device_that_moves_faster_than_it_can_be_moved_is_left_to_python(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
+    begun: Callable[..., Process], folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A step that is late here is Python's, which says so by itself: then once more."""
     for attempt in range(5):
         place = folder / str(attempt)
         place.mkdir(mode=0o700)
-        process = driven_at(place)
+        process = begin_driving(begun, place=place)
         actor, (peer,) = process.actor, process.peers
         codes, log = by_the_kernel(process, monkeypatch), Logged(process)
         # The kernel does several steps; all but the last one were well.
@@ -1258,7 +1253,6 @@ def test_a_device_that_moves_faster_than_it_can_be_moved_is_left_to_python(
             process.go(20 * MS if log.by_kernel > 20 else MS // 2)
             for got in process.answers()[-1:]:
                 peer.speak(encode_wrench(np.array((0.5, 0.0, 0.0, 0.0, 0.0, 0.0)), stamp_in(got)))
-        process.close()
         assert "nothing moves it so fast" in actor.failures.last
         # To a state that may be published.
         assert actor.failures.count == 1
@@ -1280,23 +1274,27 @@ def numbers_of(argument: Any) -> Iterator[Any]:
         yield from (argument.numbers, argument.data)
 
 
-def nodes_and_messages(folder: Path, node: str) -> tuple[Process, Callable[[], None]]:
+@pytest.fixture(params=NODES)
+def node_and_message(
+    begun: Callable[..., Process], request: pytest.FixtureRequest
+) -> tuple[Process, Callable[[], None]]:
     """Return a node's process, and what sends it its next message."""
-    if node == "nullspace_analyser":
-        process, states = analysed_at(folder)
+    if request.param == "nullspace_analyser":
+        process, states = map(request.getfixturevalue, ("analyser", "states"))
         return process, lambda: process.speak(states.next())
-    if node == "teleoperation_controller":
-        process, inputs = rendering_at(folder, GAINS)
+    if request.param == "teleoperation_controller":
+        process = begin_rendering(begun, GAINS)
+        inputs = begin_inputs(process)
         return process, lambda: render(process, inputs)
-    process = driven_at(folder) if node == "haptic_device" else moving_at(folder)
+    name = "driven" if request.param == "haptic_device" else "moving"
+    process = request.getfixturevalue(name)
     return process, lambda: command(process)
 
 
-@pytest.mark.parametrize("node", NODES)
 def test_a_view_uses_nothing_that_a_kernel_works_in(
-    node: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+    node_and_message: tuple[Process, Callable[[], None]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    process, send = nodes_and_messages(folder, node)
+    process, send = node_and_message
     process.settle(send)
     # Its last run has read a message, after which there is something to see.
     while not process.wait.link.reads:
@@ -1325,7 +1323,6 @@ def test_a_view_uses_nothing_that_a_kernel_works_in(
     process.exchange.settle()
     after = [one.tobytes() for one in arrays]
     found = publish(later)
-    process.close()
     assert len(expected) >= 2
     assert found == expected
     assert after != before

@@ -16,10 +16,8 @@ from hapticmech_ros.nodes.sources import (
     Origin,
     Sources,
 )
-from nodes.stand_ins import Listed
+from nodes.stand_ins import MS, Listed
 from sampling import sampled
-
-MS = 1_000_000
 
 LANE, OTHER_LANE = 1 << 32, 2 << 32
 

@@ -41,6 +41,14 @@ def bag_command(domain: int, *arguments: str | Path) -> AbstractContextManager[P
     return program(domain, *command, stdin=DEVNULL, stdout=PIPE)
 
 
+def ended(process: Popen[str], *signals: int, within_s: float = 30.0) -> str:
+    """Return what a command printed that ends well, by itself or by these signals."""
+    for number in signals:
+        process.send_signal(number)
+    assert process.wait(within_s) == 0
+    return process.stdout.read()
+
+
 def steady_publisher(domain: int, topic: str, rate: float) -> AbstractContextManager[Popen[str]]:
     """Publish on a topic once somebody has subscribed to it."""
     return program(domain, sys.executable, "-c", _PUBLISHER, topic, str(rate), stdin=DEVNULL)

@@ -4,6 +4,7 @@
 import os
 from collections.abc import Iterator
 from contextlib import suppress
+from pathlib import Path
 
 import pytest
 
@@ -11,7 +12,15 @@ from hapticmech_ros.compilation.library import compile_ahead
 from hapticmech_ros.graph import processes
 from hapticmech_ros.graph.processes import private_environment
 from ros import forked
-from ros.harness import Peer, next_domain
+from ros.harness import Peer, Statuses, next_domain
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Say of all tests of this folder that they start graphs."""
+    for item in items:
+        if item.path.parent == Path(__file__).parent:
+            item.add_marker(pytest.mark.ros)
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -60,3 +69,15 @@ def peer(domain: int) -> Iterator[Peer]:
     peer = Peer(domain)
     yield peer
     peer.close()
+
+
+@pytest.fixture
+def statuses(peer: Peer) -> Statuses:
+    """What nodes say of themselves, from before any of them begins."""
+    return peer.statuses()
+
+
+@pytest.fixture
+def environment(domain: int) -> dict[str, str]:
+    """Of processes that are to be in the test's domain."""
+    return private_environment(domain)

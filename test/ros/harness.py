@@ -196,8 +196,8 @@ class Peer:
 
     def wrench(self, *values: float, frame: str = "world") -> WrenchStamped:
         """Return a wrench stamped now."""
-        message = self._stamped(WrenchStamped, frame)
-        _fill(message.wrench.force, message.wrench.torque, values)
+        message = unstamped(*values, frame=frame)
+        message.header.stamp = self.now()
         return message
 
     def twist(self, *values: float, frame: str = "world") -> TwistStamped:
@@ -220,6 +220,11 @@ class Peer:
         message.header.frame_id, message.header.stamp = frame, self.now()
         return message
 
+    def until_more(self, messages: Sequence[Any], number: int, what: str) -> None:
+        """Handle messages until more than so many more have come."""
+        before = len(messages)
+        self.until(lambda: len(messages) > before + number, what)
+
     def close(self) -> None:
         """Leave the graph."""
         self.node.destroy_node()
@@ -239,6 +244,14 @@ def refuses(peer: Peer, statuses: Statuses, node: str, publisher: Any, message: 
         f"a refusal of {message}",
         doing=lambda: publisher.publish(message),
     )
+
+
+def unstamped(*values: float, frame: str = "world") -> WrenchStamped:
+    """Return a wrench without a stamp, as CRTK allows."""
+    message = WrenchStamped()
+    message.header.frame_id = frame
+    _fill(message.wrench.force, message.wrench.torque, values)
+    return message
 
 
 def figures(status: Any) -> dict[str, str]:

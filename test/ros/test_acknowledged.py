@@ -11,7 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from functools import partial
 from typing import Any
 
@@ -26,7 +26,6 @@ from hapticmech_ros.nodes.messages import wait_until_acknowledged
 from hapticmech_ros.nodes.runtime import actor_type
 from ros.harness import RELIABLE, Peer, program
 
-pytestmark = pytest.mark.ros
 TOPIC = "last_words"
 # A subscriber in a process of its own, which can be stopped.
 SUBSCRIBER = """
@@ -41,21 +40,19 @@ while rclpy.ok():
 """
 
 
-def test_what_was_acknowledged_arrives_though_its_publisher_is_gone(domain: int) -> None:
-    receives, speaks = Peer(domain), Peer(domain)
-    try:
-        received = receives.listen(TOPIC, String)
+def test_what_was_acknowledged_arrives_though_its_publisher_is_gone(
+    domain: int, peer: Peer
+) -> None:
+    received = peer.listen(TOPIC, String)
+    with closing(Peer(domain)) as speaks:
         publisher = speaks.publisher(TOPIC, String, RELIABLE)
         for number in range(100):
             publisher.publish(String(data=str(number)))
         # Others of a node's entities have nothing to say.
         assert wait_until_acknowledged([object(), publisher], within_s=5.0)
         speaks.node.destroy_publisher(publisher)
-        receives.until(lambda: len(received) == 100, "all messages of a publisher that is gone")
+        peer.until(lambda: len(received) == 100, "all messages of a publisher that is gone")
         assert [message.data for message in received] == [str(number) for number in range(100)]
-    finally:
-        receives.close()
-        speaks.close()
 
 
 @contextmanager

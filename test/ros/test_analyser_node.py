@@ -16,9 +16,8 @@ from hapticmech_ros.operational import Analyser
 from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.messages import OperationalModelMessage
 from hapticmech_ros.wire.state import StateLayout, WireState
-from ros.harness import RATE, Peer, refuses, running
+from ros.harness import RATE, Peer, Statuses, refuses, running
 
-pytestmark = pytest.mark.ros
 # Of the loop: 2 d + 1 periods, d being 1.
 COMPENSATED_DELAY = 3.0 / RATE
 # s, longer than any delay from which rates of the past are taken.
@@ -89,9 +88,8 @@ def test_rendering_equals_the_core_analysis(domain: int, peer: Peer, closed: boo
     assert np.abs(pull).max() < 1e-13 * scale.max()
 
 
-def test_bad_states_are_refused(domain: int, peer: Peer) -> None:
+def test_bad_states_are_refused(domain: int, peer: Peer, statuses: Statuses) -> None:
     models = peer.listen("analysis/handle/operational_model", Float64MultiArray)
-    statuses = peer.statuses()
     zero = np.zeros(4)
     with running("nullspace_analyser", domain, diagnostics_period=0.02) as process:
         states = peer.publisher("mechanism/state", Float64MultiArray)

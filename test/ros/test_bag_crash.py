@@ -18,7 +18,7 @@ from hapticmech_ros.errors import BagError
 from hapticmech_ros.wire.cdr import decode
 from ros.bag_processes import bag_command, steady_publisher
 
-pytestmark = [pytest.mark.ros, pytest.mark.alone]
+pytestmark = pytest.mark.alone
 
 RATE_HZ = 2000.0
 ENOUGH = 4000

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,10 +25,8 @@ from hapticmech_ros.bag import BagReader, BagWriter
 from hapticmech_ros.bag.compare import compare
 from hapticmech_ros.nodes.messages import LATCHED
 from hapticmech_ros.wire.cdr import FlatArray
-from ros.bag_processes import bag_command
+from ros.bag_processes import bag_command, ended
 from ros.harness import Peer, program
-
-pytestmark = pytest.mark.ros
 
 SECOND = 1_000_000_000
 START = 1_700_000_000 * SECOND
@@ -56,10 +55,7 @@ def write(path: Path, storage: str = "mcap") -> Path:
     return path
 
 
-def end(player: subprocess.Popen[str]) -> str:
-    assert player.wait(60.0) == 0
-    assert player.stdout is not None
-    return player.stdout.read()
+end = partial(ended, within_s=60.0)
 
 
 def numbers(messages: list[Any]) -> list[float]:
@@ -77,12 +73,10 @@ def test_what_is_played_and_recorded_again_is_the_same(
 ) -> None:
     again = tmp_path / "again"
     with bag_command(domain, "record", "/arm/state", "/status", "-o", again) as recorder:
-        assert recorder.stdout is not None
         assert "recording into" in recorder.stdout.readline()
         with bag_command(domain, "play", bag, *WAIT) as player:
             assert "502 messages played" in end(player)
-        recorder.send_signal(signal.SIGTERM)
-        assert "0 lost" in end(recorder)
+        assert "0 lost" in end(recorder, signal.SIGTERM)
     report = compare(bag, again)
     assert report.is_exact
     assert {topic.name: topic.matched for topic in report.topics} == {
@@ -138,9 +132,7 @@ def test_remaps_loops_and_ends_on_a_signal(bag: Path, peer: Peer, domain: int) -
     options = ("--remap", "/arm/state:=/there", "--namespace", "left", "--loop", "--rate", "2")
     with bag_command(domain, "play", bag, *options, *WAIT) as player:
         peer.until(lambda: len(received) > 1200, "the third round")
-        player.send_signal(signal.SIGINT)
-        player.send_signal(signal.SIGINT)
-        end(player)
+        end(player, signal.SIGINT, signal.SIGINT)
     assert numbers(received)[:1000] == [i / 7 for i in range(500)] * 2
     assert [message.data for message in status][:4] == [1, 7, 1, 7]
 
@@ -184,8 +176,7 @@ def test_space_pauses(terminal: tuple[int, int], peer: Peer, domain: int, tmp_pa
     )
     command = sys.executable, "-c", main, "bag", "play", bag, "--paused"
     with program(domain, *command, stdin=terminal[1], stdout=subprocess.PIPE) as player:
-        client = peer.node.create_client(Trigger, "/bag_player/pause")
-        peer.until(client.service_is_ready, "the player")
+        peer.client(Trigger, "/bag_player/pause")
         peer.until(lambda: peer.node.count_publishers("/arm/state") > 0, "its publisher")
         peer.run(0.5)
         assert received == []

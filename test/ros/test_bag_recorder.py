@@ -24,10 +24,8 @@ from hapticmech_ros.bag import BagReader
 from hapticmech_ros.nodes.bags.recorded_topic import adapted_offer, adapted_request, as_recorded
 from hapticmech_ros.nodes.messages import LATCHED
 from hapticmech_ros.nodes.sources import WithInfo
-from ros.bag_processes import bag_command
+from ros.bag_processes import bag_command, ended
 from ros.harness import Peer
-
-pytestmark = pytest.mark.ros
 
 RELIABLE = QoSProfile(depth=100)
 BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -35,11 +33,7 @@ BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 def end(recorder: subprocess.Popen[str]) -> str:
     """Interrupt a recorder twice, as a terminal with a launcher does; return what it printed."""
-    recorder.send_signal(signal.SIGINT)
-    recorder.send_signal(signal.SIGINT)
-    assert recorder.wait(30.0) == 0
-    assert recorder.stdout is not None
-    return recorder.stdout.read()
+    return ended(recorder, signal.SIGINT, signal.SIGINT)
 
 
 def publish(peer: Peer, publisher: Any, values: range) -> None:
@@ -110,7 +104,6 @@ def test_several_publishers_are_all_written_down(peer: Peer, domain: int, tmp_pa
     for qos in (RELIABLE, BEST_EFFORT):
         peer.node.create_publisher(UInt8, "/both", qos)
     with bag_command(domain, "record", "/both", "/nobody", "-o", tmp_path / "bag") as recorder:
-        assert recorder.stdout is not None
         assert "recording into" in recorder.stdout.readline()
         peer.until(lambda: peer.node.count_subscribers("/both") > 0, "the recorder")
         peer.run(1.5)

@@ -19,8 +19,6 @@ from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.wire.topics import DEVICE, MECHANISM
 from ros.harness import RATE
 
-pytestmark = pytest.mark.ros
-
 SECONDS = 2.0
 # Figures are said once a second and rates are taken between them: to a sample or two at each end.
 SLACK_HZ = 2.0
@@ -71,7 +69,6 @@ def test_both_graphs_are_run_and_written_down(alone: None, tmp_path: Path) -> No
         assert {*NODES, "probe", "recorder"} == processes(one)
     # The bags of both graphs have the same in them.
     (comparison,) = results.comparisons
-    assert comparison.alike is not None
     assert comparison.alike.held, comparison.alike.seen
     assert not (tmp_path / "bag").exists()
     assert results.machine["rmw"] == "rmw_fastrtps_cpp"

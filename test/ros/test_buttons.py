@@ -21,9 +21,8 @@ from hapticmech_ros.nodes.mechanism_ports import closure_button
 from hapticmech_ros.nodes.messages import LATCHED
 from hapticmech_ros.numerics.times import NANOSECONDS
 from nodes.stand_ins import Publisher
-from ros.harness import OTHERS, WAIT_S, Peer, refuses, running, scene_like, six
+from ros.harness import OTHERS, WAIT_S, Peer, Statuses, refuses, running, scene_like, six
 
-pytestmark = pytest.mark.ros
 TOPIC = "device/buttons"
 # A hand that holds still.
 HAND = "hand={kind: arm, impedance: firm, start_delay: 0.0, waypoints: [{time: 0.0}]}"
@@ -39,9 +38,8 @@ def told(messages: list[Joy]) -> list[list[int]]:
 
 
 def test_a_handles_buttons_are_told_and_one_is_the_clutch(
-    domain: int, peer: Peer, scene: str
+    domain: int, peer: Peer, statuses: Statuses, scene: str
 ) -> None:
-    statuses = peer.statuses()
     received = peer.listen(TOPIC, Joy, LATCHED)
     commands = peer.listen("device/servo_cf", WrenchStamped)
     controller = "teleoperation_controller"
@@ -81,9 +79,8 @@ def test_a_handles_buttons_are_told_and_one_is_the_clutch(
     assert changes == [[0, 0, 0], [1, 0, 0], [0, 0, 0], [0, 0, 1]]
 
 
-def test_a_button_opens_and_closes_a_loop(domain: int, peer: Peer) -> None:
+def test_a_button_opens_and_closes_a_loop(domain: int, peer: Peer, statuses: Statuses) -> None:
     closures = peer.listen("mechanism/closures", UInt8MultiArray, LATCHED)
-    statuses = peer.statuses()
     node, given = "mechanism_simulator", "ground_pin 2"
     with running(node, domain, closure_button=given, diagnostics_period=0.02):
         # As drivers of other people do: nothing is latched.

@@ -18,9 +18,8 @@ from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.stamped import LAST_NS, LAST_SECOND
-from ros.harness import Peer, figures, program
+from ros.harness import Peer, Statuses, figures, program
 
-pytestmark = pytest.mark.ros
 HOUR_S = 3600
 # The four nodes, whose clock is ahead by the nanoseconds that a file says.
 GRAPH = """
@@ -36,11 +35,10 @@ composed()
 
 @pytest.mark.parametrize("beyond_s", [HOUR_S, -HOUR_S], ids=["after 2038", "before 1970"])
 def test_the_device_is_at_zero_until_the_clock_is_right_and_then_renders(
-    domain: int, peer: Peer, tmp_path: Path, beyond_s: int
+    domain: int, peer: Peer, statuses: Statuses, tmp_path: Path, beyond_s: int
 ) -> None:
     path = tmp_path / "ahead"
     path.write_bytes(bytes(8))
-    statuses = peer.statuses()
     samples = peer.listen("device/state", Float64MultiArray)
     given = {"scene": "five_bar", "diagnostics_period": 0.05, "transport": "middleware"}
     command = [sys.executable, "-c", GRAPH, str(path), *ros_arguments(given)]

@@ -17,7 +17,6 @@ from hapticmech_ros.wire.contact_points import ContactLayout
 from oracles.touching import FLOOR, SHAPES, UPRIGHT, G, body, pair, scene, shape
 from ros.harness import Peer, running, six
 
-pytestmark = pytest.mark.ros
 LAW = {"stiffness": 1e4, "damping": 300.0, "friction": 0.5}
 PAIRS = ("one_shape_floor", "two_shape_floor")
 

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
-import pytest
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from std_msgs.msg import Float64MultiArray
 
@@ -28,9 +27,8 @@ from hapticmech_ros.nodes.messages import write_pose
 from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.session.sample import Sample
 from hapticmech_ros.wire.messages import OperationalModelMessage
-from ros.harness import Peer, allowing, figures, refuses, running, scene_like, six
+from ros.harness import Peer, Statuses, allowing, figures, refuses, running, scene_like, six
 
-pytestmark = pytest.mark.ros
 SCENE = load_scene("five_bar")
 # Answers are compared with the core's at the scene's rate; who answers has no deadlines of its own.
 AS_THE_SCENE = {"control_rate": 0.0}
@@ -147,9 +145,8 @@ def test_answers_as_the_core_does_and_changes_gains_without_a_step(
 
 
 def test_falls_silent_without_the_mechanism_and_comes_back_without_a_jump(
-    domain: int, peer: Peer
+    domain: int, peer: Peer, statuses: Statuses
 ) -> None:
-    statuses = peer.statuses()
     # The test's own sends are 10 ms and more apart.
     with running("teleoperation_controller", domain, input_timeout=0.1, **AS_THE_SCENE):
         world = World(peer)
@@ -208,8 +205,7 @@ def test_leaves_the_device_alone_until_the_mechanism_hears_it(domain: int, peer:
         assert len(world.commands) == seen
 
 
-def test_bad_measurements_are_refused(domain: int, peer: Peer) -> None:
-    statuses = peer.statuses()
+def test_bad_measurements_are_refused(domain: int, peer: Peer, statuses: Statuses) -> None:
     with running("teleoperation_controller", domain, diagnostics_period=0.02) as process:
         world = World(peer)
         stale = peer.pose()
@@ -224,10 +220,11 @@ def test_bad_measurements_are_refused(domain: int, peer: Peer) -> None:
     assert not world.commands
 
 
-def test_a_loop_without_delay_margin_is_warned_of(domain: int, peer: Peer, tmp_path: Path) -> None:
+def test_a_loop_without_delay_margin_is_warned_of(
+    domain: int, peer: Peer, statuses: Statuses, tmp_path: Path
+) -> None:
     weak = "controller.joint_constraint={stiffness: 200000.0, damping: 400.0, local: false}"
     scene = scene_like(tmp_path, "five_bar", weak)
-    statuses = peer.statuses()
     with running("teleoperation_controller", domain, scene=scene, **AS_THE_SCENE):
         peer.until(lambda: "teleoperation_controller" in statuses, "diagnostics")
         warning = figures(statuses["teleoperation_controller"])["loop_warning"]

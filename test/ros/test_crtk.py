@@ -27,9 +27,8 @@ from std_msgs.msg import String
 from hapticmech_ros.nodes.messages import LATCHED
 from hapticmech_ros.wire.topics import TOPICS
 from ros.crtk_messages import build
-from ros.harness import WAIT_S, Peer, figures, running, six
+from ros.harness import WAIT_S, Peer, Statuses, figures, running, six, unstamped
 
-pytestmark = pytest.mark.ros
 # Of the convention: what a verb's last two letters say of its payload.
 CRTK_TYPES = {
     "cp": "geometry_msgs/msg/PoseStamped",
@@ -89,11 +88,7 @@ class CrtkClient:
 
     def servo_cf(self, *wrench: float, frame: str = "world") -> None:
         """Command a wrench; stamps of commands are free in CRTK."""
-        message = WrenchStamped()
-        message.header.frame_id = frame
-        force, torque = message.wrench.force, message.wrench.torque
-        force.x, force.y, force.z, torque.x, torque.y, torque.z = wrench
-        self._servo_cf.publish(message)
+        self._servo_cf.publish(unstamped(*wrench, frame=frame))
 
     def resist(self) -> None:
         """Command viscous friction, until it has slowed the actor down along its way."""
@@ -268,13 +263,13 @@ def state_kinds(
 def test_a_client_enables_reads_renders_pauses_and_disables(
     domain: int,
     peer: Peer,
+    statuses: Statuses,
     namespace: str,
     node: str,
     state_kinds: tuple[Any, Any],
 ) -> None:
     """As the scripts of CRTK's own client do with a device that runs already, in its types."""
     motion = CrtkClient(peer, namespace, RELIABLE)
-    statuses = peer.statuses()
     with actor(node, domain, diagnostics_period=0.1):
         peer.until(lambda: node in statuses, "diagnostics", 2 * WAIT_S)
         # Its state was told before this client came.

@@ -12,7 +12,7 @@ from benchmarks.small_machine.demo_run import APART, POSITION_MM, ROTATION_DEG, 
 from hapticmech_ros.graph.demo import run_demo
 from sampling import only_long
 
-pytestmark = [pytest.mark.ros, pytest.mark.alone]
+pytestmark = pytest.mark.alone
 
 FIGURES = ("fig5a.png", "fig5b.png", "fig5c.png")
 POINTS = ("left", "right")

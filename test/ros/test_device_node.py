@@ -5,13 +5,12 @@
 import math
 from pathlib import Path
 
-import pytest
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 
 from hapticmech_ros import Session, load_scene
+from hapticmech_ros.nodes.messages import stamp_ns
 from ros.harness import Peer, running, scene_like, six
 
-pytestmark = pytest.mark.ros
 QUICK = {"wait_for_start": True, "view_rate": 1000.0}
 
 
@@ -29,7 +28,10 @@ def test_measures_pose_twist_and_hand_wrench_in_world(domain: int, peer: Peer) -
     for message in (poses[-1], twists[-1], forces[-1]):
         assert message.header.frame_id == "world"
     # One sample has one stamp, whichever of its messages was heard first and last.
-    assert len(set.intersection(*({_time(m) for m in s} for s in (poses, twists, forces)))) > 40
+    assert (
+        len(set.intersection(*({stamp_ns(m.header) for m in s} for s in (poses, twists, forces))))
+        > 40
+    )
     assert six(twists[-1]) == [0.0] * 6
     assert six(forces[-1]) == [0.0] * 6
 
@@ -57,7 +59,3 @@ def test_compensation_begins_and_ends_with_the_commands(
             doing=lambda: command.publish(peer.wrench(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)),
         )
         peer.until(lambda: six(applied[-1]) == [0.0] * 6, "the end of it")
-
-
-def _time(message: PoseStamped | TwistStamped | WrenchStamped) -> float:
-    return message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec

@@ -27,10 +27,9 @@ from geometry_msgs.msg import WrenchStamped
 from hapticmech_ros.graph.processes import private_environment
 from hapticmech_ros.nodes.messages import message_class
 from hapticmech_ros.system.readiness import ADDRESS, Readiness
-from ros.harness import WAIT_S, Peer, figures, program, running, six
+from ros.harness import WAIT_S, Peer, Statuses, figures, program, running, six
 from sampling import sampled
 
-pytestmark = pytest.mark.ros
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "SECURITY.md"]
 PAGES += sorted((ROOT / "docs").glob("*.md"))
@@ -160,9 +159,8 @@ def started(words: Sequence[str], folder: Path, domain: int) -> Iterator[subproc
 
 @pytest.mark.parametrize("command", sampled(EACH_LASTING, every=2))
 def test_commands_that_last_start_and_end_with_ctrl_c(
-    command: str, folder: Path, domain: int, peer: Peer
+    command: str, folder: Path, domain: int, peer: Peer, statuses: Statuses
 ) -> None:
-    statuses = peer.statuses()
     if "mine.yaml" in command:
         (folder / "mine.yaml").write_bytes((ROOT / "config/scenes/five_bar.yaml").read_bytes())
     with started(words_of(command), folder, domain) as process:
@@ -181,9 +179,8 @@ def test_commands_that_last_start_and_end_with_ctrl_c(
 
 @pytest.mark.parametrize(("page", "command"), sampled(EACH_CLIENT, every=2))
 def test_commands_to_a_running_graph_are_obeyed(
-    page: str, command: str, folder: Path, domain: int, peer: Peer
+    page: str, command: str, folder: Path, domain: int, peer: Peer, statuses: Statuses
 ) -> None:
-    statuses = peer.statuses()
     scene = next((there for name, there in SCENES.items() if name in command), "five_bar")
     nodes = "haptic_device" if page in ALONE else ",".join(FOUR)
     with running(nodes, domain, scene, diagnostics_period=0.1, control_rate=0.0):

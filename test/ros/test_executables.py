@@ -10,18 +10,15 @@ import pytest
 from ament_index_python.packages import get_package_prefix
 
 from hapticmech_ros.nodes.entry import NODES
-from ros.harness import Peer, program
-
-pytestmark = pytest.mark.ros
+from ros.harness import Peer, Statuses, program
 
 
 @pytest.mark.parametrize("name", list(NODES))
 def test_executable_in_lib_runs_as_a_node(
-    domain: int, peer: Peer, name: str, monkeypatch: pytest.MonkeyPatch
+    domain: int, peer: Peer, statuses: Statuses, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("AMENT_PREFIX_PATH", sys.prefix)
     executable = Path(get_package_prefix("hapticmech_ros")) / "lib" / "hapticmech_ros" / name
-    statuses = peer.statuses()
     with program(domain, executable, "--ros-args", "-p", "scene:=two_link") as process:
         peer.until(lambda: name in statuses, f"diagnostics of {name}")
         assert statuses[name].hardware_id == "two_link"

@@ -14,9 +14,8 @@ from benchmarks.reliability.emulated_network import not_permitted
 from benchmarks.reliability.exposure import plain_environment, visit
 from hapticmech_ros.graph.processes import stop_process
 from hapticmech_ros.system.discovery import RANGE, listening
-from ros.harness import Peer
+from ros.harness import Peer, Statuses
 
-pytestmark = pytest.mark.ros
 REASON = not_permitted()
 of_two_hosts = pytest.mark.skipif(bool(REASON), reason=REASON)
 
@@ -48,8 +47,9 @@ def family(process: int) -> list[int]:
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_nothing_listens_to_the_network(name: str, domain: int, peer: Peer, tmp_path: Path) -> None:
-    statuses = peer.statuses()
+def test_nothing_listens_to_the_network(
+    name: str, domain: int, peer: Peer, statuses: Statuses, tmp_path: Path
+) -> None:
     with started(name, domain, tmp_path) as process:
         peer.until(lambda: statuses, "a node")
         if name == "record":
@@ -59,9 +59,10 @@ def test_nothing_listens_to_the_network(name: str, domain: int, peer: Peer, tmp_
         assert [list(listening(one)) for one in family_of] == [[]] * len(family_of)
 
 
-def test_who_asks_for_the_network_listens_to_it(domain: int, peer: Peer, tmp_path: Path) -> None:
+def test_who_asks_for_the_network_listens_to_it(
+    domain: int, peer: Peer, statuses: Statuses, tmp_path: Path
+) -> None:
     """As a check of the check."""
-    statuses = peer.statuses()
     with started("node", domain, tmp_path, **{RANGE: "SUBNET"}) as process:
         peer.until(lambda: statuses, "a node")
         assert ("UDP", "0.0.0.0") in list(listening(process.pid))

@@ -7,7 +7,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pytest
 from geometry_msgs.msg import WrenchStamped
 from rcl_interfaces.msg import Log
 from sensor_msgs.msg import JointState
@@ -16,7 +15,6 @@ from hapticmech_ros import Simulator, load_scene
 from oracles.kinematics import link_poses
 from ros.harness import Peer, running, six
 
-pytestmark = pytest.mark.ros
 SCENE = load_scene("spatial_arm")
 NODE = "mechanism_simulator"
 # Seven links turn about z, y, z, ... : where each stands, from the scene's own numbers.

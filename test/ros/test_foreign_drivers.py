@@ -21,12 +21,12 @@ import pinocchio as pin
 import pytest
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 
+from benchmarks.children import wait_until
 from hapticmech_ros import Simulator, load_scene
 from hapticmech_ros.nodes.messages import write_pose
-from ros.harness import OTHERS, RATE, WAIT_S, Peer, figures, running, scene_like, six
+from ros.harness import OTHERS, RATE, WAIT_S, Peer, Statuses, figures, running, scene_like, six
 from sampling import sampled
 
-pytestmark = pytest.mark.ros
 SCENE = load_scene("five_bar")
 MASS = np.array([SCENE.device.mass] * 3 + [SCENE.device.inertia] * 3)
 PUSH = np.array([-0.5, 0.0, 0.0, 0.0, 0.0, 0.0])
@@ -74,10 +74,7 @@ class Driver:
 
     def until(self, condition: Callable[[], object], what: str) -> None:
         """Go on until a condition holds."""
-        end = time.monotonic() + 2 * WAIT_S
-        while not condition():
-            assert time.monotonic() < end, f"waited in vain for {what}"
-            self.go_on()
+        wait_until(condition, 2 * WAIT_S, what, self.go_on, look_again_s=0.0)
 
     def go_on(self) -> None:
         """Step to the present and say where it is then."""
@@ -196,9 +193,14 @@ def test_the_mechanism_is_felt(
     ids=["elsewhere", "stands-still", "too-fast"],
 )
 def test_what_is_no_motion_of_a_device_is_not_felt(
-    domain: int, peer: Peer, tmp_path: Path, away: tuple[float, ...], more: float, said: str
+    domain: int,
+    peer: Peer,
+    statuses: Statuses,
+    tmp_path: Path,
+    away: tuple[float, ...],
+    more: float,
+    said: str,
 ) -> None:
-    statuses = peer.statuses()
     controller = "teleoperation_controller"
 
     with graph(domain, tmp_path, "estimated"):
@@ -227,9 +229,8 @@ def test_what_is_no_motion_of_a_device_is_not_felt(
 
 
 def test_what_a_driver_lacks_is_said_by_its_own_names(
-    domain: int, peer: Peer, tmp_path: Path
+    domain: int, peer: Peer, statuses: Statuses, tmp_path: Path
 ) -> None:
-    statuses = peer.statuses()
     sentence = partial(statuses.sentence, "teleoperation_controller")
 
     with graph(domain, tmp_path, "measured"):
@@ -250,9 +251,8 @@ def test_what_a_driver_lacks_is_said_by_its_own_names(
     ],
 )
 def test_what_is_told_in_another_frame_is_refused_with_what_mends_it(
-    domain: int, peer: Peer, tmp_path: Path, frame: str, remedy: str
+    domain: int, peer: Peer, statuses: Statuses, tmp_path: Path, frame: str, remedy: str
 ) -> None:
-    statuses = peer.statuses()
     sentence = partial(statuses.sentence, "teleoperation_controller")
 
     with graph(domain, tmp_path, "estimated"):

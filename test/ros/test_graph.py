@@ -12,13 +12,12 @@ import pytest
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from std_msgs.msg import UInt8
 
-from hapticmech_ros.graph.processes import Graph, private_environment
+from hapticmech_ros.graph.processes import Graph
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.messages import stamp_ns
 from real_time import grants_real_time
-from ros.harness import RATE, Peer, figures, program, running
+from ros.harness import RATE, Peer, Statuses, figures, program, running
 
-pytestmark = pytest.mark.ros
 # With a machine that has other work.
 PATIENT = {
     "teleoperation_controller.input_timeout": 0.1,
@@ -28,12 +27,12 @@ PATIENT = {
 
 
 @pytest.mark.parametrize("composed", [False, True], ids=["four_processes", "composed"])
-def test_the_hand_moves_the_mechanism(domain: int, peer: Peer, composed: bool) -> None:
+def test_the_hand_moves_the_mechanism(
+    environment: dict[str, str], peer: Peer, statuses: Statuses, composed: bool
+) -> None:
     device = peer.listen("device/measured_cp", PoseStamped)
     point = peer.listen("mechanism/handle/measured_cp", PoseStamped)
     counts = peer.listen("analysis/handle/constraint_count", UInt8)
-    statuses = peer.statuses()
-    environment = private_environment(domain)
     with Graph("five_bar", composed, parameters=PATIENT, environment=environment) as graph:
         peer.until(lambda: device and point and _travel(device) > 0.01, "the device to move 10 mm")
         peer.until(lambda: set(NODES) <= set(statuses), "diagnostics of all nodes")
@@ -47,9 +46,10 @@ def test_the_hand_moves_the_mechanism(domain: int, peer: Peer, composed: bool) -
     assert set(codes.values()) == {0}
 
 
-def test_composed_nodes_hear_each_other_once_and_others_too(domain: int, peer: Peer) -> None:
+def test_composed_nodes_hear_each_other_once_and_others_too(
+    domain: int, peer: Peer, statuses: Statuses
+) -> None:
     commands = peer.listen("device/servo_cf", WrenchStamped)
-    statuses = peer.statuses()
     with running(",".join(NODES), domain, diagnostics_period=0.1, realtime="on"):
         # With a listener outside, each answer also comes back to the process: it counts once.
         peer.until(lambda: len(commands) > 400, "answers")
@@ -70,8 +70,7 @@ def test_composed_nodes_hear_each_other_once_and_others_too(domain: int, peer: P
         )
 
 
-def test_a_graph_ends_with_its_parent(domain: int, peer: Peer) -> None:
-    statuses = peer.statuses()
+def test_a_graph_ends_with_its_parent(domain: int, peer: Peer, statuses: Statuses) -> None:
     script = (
         "import os, time\n"
         "from hapticmech_ros.graph.processes import Graph\n"
@@ -80,7 +79,6 @@ def test_a_graph_ends_with_its_parent(domain: int, peer: Peer) -> None:
         "time.sleep(60)\n"
     )
     with program(domain, sys.executable, "-c", script, stdout=subprocess.PIPE) as parent:
-        assert parent.stdout is not None
         child = int(parent.stdout.readline())
         peer.until(lambda: "haptic_device" in statuses, "the graph")
         parent.kill()
@@ -101,8 +99,9 @@ def _alive(pid: int) -> bool:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_the_run_command_ends_its_graph(domain: int, peer: Peer, number: signal.Signals) -> None:
-    statuses = peer.statuses()
+def test_the_run_command_ends_its_graph(
+    domain: int, peer: Peer, statuses: Statuses, number: signal.Signals
+) -> None:
     command = [sys.executable, "-m", "hapticmech_ros", "run", "two_link", "--composed"]
     with program(domain, *command, "--control-rate", f"{RATE:g}") as process:
         peer.until(lambda: set(NODES) <= set(statuses), "the graph")

@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 from subprocess import DEVNULL, PIPE
 
@@ -27,7 +28,6 @@ from oracles.users import two_points
 from ros.harness import OTHERS, RATE, WAIT_S, Peer, Statuses, figures, program, running, six
 from sampling import only_long
 
-pytestmark = pytest.mark.ros
 # A hand that holds still for a while, then pulls the point to and fro: a busy machine may lose the
 # loop on one of the ways.
 TURNS = ", ".join(
@@ -58,10 +58,9 @@ def resistance(trace: Path) -> float:
 
 
 def test_a_hand_feels_the_mechanism_through_it(
-    domain: int, peer: Peer, scene: Path, tmp_path: Path
+    domain: int, peer: Peer, statuses: Statuses, scene: Path, tmp_path: Path
 ) -> None:
     trace = tmp_path / "trace.csv"
-    statuses = peer.statuses()
     turned = "0.0 0.0 1.2"
     with (
         emulated("--scene", str(scene), "--trace", str(trace), "--mounting", turned) as service,
@@ -182,10 +181,9 @@ def led_through_it(
 @pytest.mark.alone
 @pytest.mark.parametrize("victim", ["driver", "service", *only_long("controller")])
 def test_the_force_ends_when_one_of_them_is_killed_and_a_service_may_come_back(
-    domain: int, peer: Peer, scene: Path, tmp_path: Path, victim: str
+    domain: int, peer: Peer, statuses: Statuses, scene: Path, tmp_path: Path, victim: str
 ) -> None:
     trace = tmp_path / "trace.csv"
-    statuses = peer.statuses()
     told = peer.listen("device/state", Float64MultiArray)
     given = {"diagnostics_period": 0.1, "control_rate": 0.0}
     with (
@@ -234,12 +232,9 @@ def test_it_keeps_every_rule_of_a_driver(domain: int, in_domain: int, scene: Pat
             view_rate=RATE,
             control_rate=RATE,
         ),
+        closing(DriverTest(rate=RATE)) as test,
     ):
-        test = DriverTest(rate=RATE)
-        try:
-            found = list(test.run())
-        finally:
-            test.close()
+        found = list(test.run())
     # It is held still: velocities are not compared with positions.
     assert [check.found for check in found if check.kept is None] == [
         "it did not move: move it during the first second"

@@ -23,9 +23,8 @@ from type_description_interfaces.srv import GetTypeDescription
 
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.wire.topics import VIEWER
-from ros.harness import Peer, running
+from ros.harness import Peer, Statuses, running
 
-pytestmark = pytest.mark.ros
 EVERY = (*NODES, VIEWER)
 NO_TYPE = 77
 # As parameters of ROS are numbered.
@@ -40,9 +39,8 @@ def said(value: int | float | str, kind: int = NO_TYPE, name: str = "view_rate")
 
 
 @pytest.fixture
-def engaged(domain: int, peer: Peer) -> Iterator[dict[str, Any]]:
+def engaged(domain: int, peer: Peer, statuses: Statuses) -> Iterator[dict[str, Any]]:
     """Yield the last status of every node of a graph that renders, and does so afterwards."""
-    statuses = peer.statuses()
     renders = lambda: statuses.sentence("teleoperation_controller") == "engaged"  # noqa: E731
 
     with running(",".join(EVERY), domain, diagnostics_period=0.1) as process:

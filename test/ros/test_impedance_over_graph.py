@@ -3,13 +3,10 @@
 """What is felt over a graph of real nodes, in four processes."""
 
 import numpy as np
-import pytest
 
 from hapticmech_ros import load_scene
 from hapticmech_ros.analysis.transparency import FREQUENCIES_HZ, felt_over_graph
 from ros.harness import RATE
-
-pytestmark = pytest.mark.ros
 
 
 def test_a_graph_is_felt_as_heavy_as_the_mechanism() -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 import re
 import signal
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +19,8 @@ from hapticmech_ros.bag import BagReader
 from hapticmech_ros.graph.processes import Graph, private_environment
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.lane import Lane, lane_folder
-from ros.bag_processes import bag_command
+from ros.bag_processes import bag_command, ended
 from ros.harness import RATE, Peer, Statuses, figures, six
-
-pytestmark = pytest.mark.ros
 
 # Each control topic's sender.
 SENDERS = {
@@ -143,9 +141,9 @@ def test_a_topic_that_is_remapped_takes_the_lane_by_its_new_name(domain: int, pe
         assert peer.node.count_publishers("/device/servo_cf") == 0
 
 
-def test_a_topic_that_is_remapped_at_one_end_alone_reaches_nobody(domain: int, peer: Peer) -> None:
-    statuses = peer.statuses()
-    environment = private_environment(domain)
+def test_a_topic_that_is_remapped_at_one_end_alone_reaches_nobody(
+    environment: dict[str, str], peer: Peer, statuses: Statuses
+) -> None:
     elsewhere = ["-r", "device/servo_cf:=/omega/servo_cf"]
     others = [name for name in NODES if name != "haptic_device"]
     with (
@@ -166,9 +164,9 @@ def test_a_topic_that_is_remapped_at_one_end_alone_reaches_nobody(domain: int, p
 
 
 @pytest.mark.alone
-def test_crtk_at_the_control_rate_takes_the_lane(domain: int, peer: Peer) -> None:
-    statuses = peer.statuses()
-    environment = private_environment(domain)
+def test_crtk_at_the_control_rate_takes_the_lane(
+    environment: dict[str, str], peer: Peer, statuses: Statuses
+) -> None:
     elsewhere = ["-r", "device/state:=/omega/state"]
     samples = [
         "/device/measured_cp PoseStamped",
@@ -193,8 +191,7 @@ def test_crtk_at_the_control_rate_takes_the_lane(domain: int, peer: Peer) -> Non
     ):
         peer.until(renders(statuses), "rendering by CRTK alone")
         answers(peer, statuses, 1000)
-        lane = Lane.open(environment)
-        try:
+        with closing(Lane.open(environment)) as lane:
 
             def received() -> bool:
                 lane.look()
@@ -203,12 +200,11 @@ def test_crtk_at_the_control_rate_takes_the_lane(domain: int, peer: Peer) -> Non
 
             peer.until(received, "the controller to hear the device's samples on the lane")
             assert not lane.readers("/device/setpoint_cf WrenchStamped")
-        finally:
-            lane.close()
 
 
-def test_graphs_of_two_namespaces_are_apart_on_the_lane(domain: int, peer: Peer) -> None:
-    environment = private_environment(domain)
+def test_graphs_of_two_namespaces_are_apart_on_the_lane(
+    domain: int, environment: dict[str, str], peer: Peer
+) -> None:
     forces = {
         name: peer.listen(f"/{name}/device/setpoint_cf", WrenchStamped)
         for name in ("left", "right")
@@ -232,8 +228,7 @@ def test_graphs_of_two_namespaces_are_apart_on_the_lane(domain: int, peer: Peer)
         peer.until(
             lambda: len(list(folder_of(domain).iterdir())) == len(NODES) + 1, "all nodes' sockets"
         )
-        before = len(forces["right"])
-        peer.until(lambda: len(forces["right"]) > before + 200, "samples of the right one")
+        peer.until_more(forces["right"], 200, "samples of the right one")
         assert not any(value for one in forces["right"] for value in six(one))
         assert not outside
 
@@ -276,10 +271,7 @@ def test_a_bag_is_recorded_from_the_lane_without_the_middleware(
             )
             # The middleware carries all for a second more: it may know of the recorder only then.
             peer.until(all_go(statuses, "lane"), "the lane to carry everything alone again")
-            recorder.send_signal(signal.SIGINT)
-            assert recorder.wait(30.0) == 0
-            assert recorder.stdout is not None
-            text = recorder.stdout.read()
+            text = ended(recorder, signal.SIGINT)
             late = statuses.count("haptic_device", "missed_deadlines")
     for topic in SENDERS:
         assert re.search(rf"{topic}: \d+ messages, 0 lost", text), text

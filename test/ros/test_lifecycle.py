@@ -19,9 +19,8 @@ from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.topics import TOPICS
-from ros.harness import Peer, running, six
+from ros.harness import Peer, Statuses, running, six
 
-pytestmark = pytest.mark.ros
 ALL = ",".join(NODES)
 # Where ROS 2 itself publishes, for every managed node.
 INFRASTRUCTURE = ("/diagnostics", "/rosout", "/parameter_events", "/transition_event")
@@ -90,9 +89,8 @@ def test_two_signals_end_a_node_in_any_state(
 
 
 def test_a_bad_scene_is_refused_and_a_good_one_taken(
-    domain: int, peer: Peer, capfd: pytest.CaptureFixture[str]
+    domain: int, peer: Peer, statuses: Statuses, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    statuses = peer.statuses()
     joints = peer.listen("mechanism/measured_js", JointState)
     given = {"scene": "no_such_scene", "autostart": False, "diagnostics_period": 0.05}
     with running("mechanism_simulator", domain, **given) as process:
@@ -155,8 +153,9 @@ def test_a_deactivated_device_lets_go(domain: int, peer: Peer) -> None:
         peer.until(pushing, "the hand pushing again")
 
 
-def test_a_deactivated_controller_leaves_nobody_under_force(domain: int, peer: Peer) -> None:
-    statuses = peer.statuses()
+def test_a_deactivated_controller_leaves_nobody_under_force(
+    domain: int, peer: Peer, statuses: Statuses
+) -> None:
     commands = {
         name: peer.listen(name, WrenchStamped)
         for name in ("device/servo_cf", "mechanism/handle/servo_cf")
@@ -217,8 +216,7 @@ def test_a_mechanism_goes_on_after_a_pause_and_anew_after_a_cleanup(
         assert np.abs(np.subtract(paused[0], start)).max() > 0.02
         assert np.ptp(paused, axis=0).max() == 0.0
         assert peer.transition(name, "deactivate", "cleanup", "configure", "activate")
-        seen = len(joints)
-        peer.until(lambda: len(joints) > seen + 5, "states after the cleanup")
+        peer.until_more(joints, 5, "states after the cleanup")
     assert list(joints[-1].position) == start
     assert not any(joints[-1].velocity)
 

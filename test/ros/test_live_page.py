@@ -10,7 +10,6 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -20,23 +19,15 @@ from geometry_msgs.msg import PoseStamped, WrenchStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import UInt8MultiArray
 
-if find_spec("viser") is None:
-    pytest.skip("viser, of the extra live, is not installed", allow_module_level=True)
-
-from benchmarks.live.browser import Browser, chromium, wait_until
-
-if chromium() is None:
-    pytest.skip("Chromium is not installed", allow_module_level=True)
-
-from benchmarks.live.served import drag, sight
 from hapticmech_ros import Mechanism, load_scene
 from hapticmech_ros.nodes.messages import LATCHED
 from hapticmech_ros.view import Placer
+from live.in_browser import Browser, drag, sight, wait_until
 from oracles.users import five_bar_of_two
 from ros.harness import WAIT_S, Peer, program
 
 # A browser without a GPU draws with the processor.
-pytestmark = [pytest.mark.ros, pytest.mark.alone]
+pytestmark = pytest.mark.alone
 SCENE, LINK = "five_bar", "link1"
 # A wrench of a closed tab ends within this, s.
 ENDS_S = 0.2
@@ -93,9 +84,8 @@ class Pushes:
 
 
 def test_a_running_graph_is_dragged_tuned_and_let_go(
-    domain: int, peer: Peer, browser: Browser, address: str
+    peer: Peer, browser: Browser, address: str
 ) -> None:
-    del domain
     assert address.startswith("http://127.0.0.1:")
     joints = peer.listen("mechanism/measured_js", JointState)
     closures = peer.listen("mechanism/closures", UInt8MultiArray, LATCHED)

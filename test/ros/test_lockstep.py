@@ -26,9 +26,8 @@ from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.messages import DeviceEnergy, DeviceStateMessage, OperationalModelMessage
 from hapticmech_ros.wire.state import StateLayout
 from hapticmech_ros.wire.topics import TOPICS
-from ros.harness import Peer, next_domain, scene_like, six
+from ros.harness import Peer, next_domain, scene_like, six, unstamped
 
-pytestmark = pytest.mark.ros
 # Both hands wait for a quarter of a second.
 DURATIONS = {"five_bar": 0.5, "spatial_arm": 0.5}
 CONTROL = [f"/{topic.of('handle')}" for topic in TOPICS if topic.rate == "control"]
@@ -175,14 +174,11 @@ def test_the_devices_samples_reproduce_what_is_rendered(
     _same(runs[scene], tmp_path / "bag", CONTROL)
 
 
-def test_a_push_from_outside_is_recorded_and_reproduced(tmp_path: Path) -> None:
-    domain = next_domain()
-    peer = Peer(domain)
+def test_a_push_from_outside_is_recorded_and_reproduced(
+    domain: int, peer: Peer, tmp_path: Path
+) -> None:
     publisher = peer.node.create_publisher(WrenchStamped, "mechanism/handle/external_cf", 10)
     forces = peer.listen("mechanism/handle/measured_cf", WrenchStamped)
-    message = WrenchStamped()
-    message.header.frame_id = "world"
-    message.wrench.force.x, message.wrench.torque.z = 0.2, 0.003
     asked = itertools.count()
 
     def pushed_and_over() -> bool:
@@ -190,14 +186,11 @@ def test_a_push_from_outside_is_recorded_and_reproduced(tmp_path: Path) -> None:
         peer.run(0.02)
         felt = [any(six(force)) for force in forces]
         if not any(felt):
-            publisher.publish(message)
+            publisher.publish(unstamped(0.2, *[0.0] * 4, 0.003))
         return (any(felt) and not felt[-1]) or next(asked) > 150
 
     run = LockstepRun("five_bar", rate=0.5, out=tmp_path / "pushed", composed=True)
-    try:
-        run_lockstep(run, private_environment(domain), pushed_and_over)
-    finally:
-        peer.close()
+    run_lockstep(run, private_environment(domain), pushed_and_over)
     layout = StateLayout(Mechanism(load_scene("five_bar")))
     states = [layout.unpack(decode(data)) for data in messages(run.out)["/mechanism/state"]]
     pushed = [bool(state.contacts.any()) for state in states]

@@ -18,7 +18,6 @@ from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.messages import DeviceStateMessage
 from ros.harness import next_domain, scene_like
 
-pytestmark = pytest.mark.ros
 DEVICE = {
     "coulomb_friction": 0.05,
     "angular_coulomb_friction": 1e-4,

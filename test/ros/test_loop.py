@@ -13,15 +13,12 @@ import rclpy
 from rclpy.task import Future
 from std_msgs.msg import UInt8
 
-from hapticmech_ros.graph.processes import private_environment
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.loop import wait_for_messages
 from hapticmech_ros.nodes.managed import ManagedNode
 from hapticmech_ros.nodes.runtime import actor_type
-from ros.harness import RELIABLE, Peer, next_domain
-
-pytestmark = pytest.mark.ros
+from ros.harness import RELIABLE, Peer
 
 
 def test_waiting_leaves_nothing_behind(peer: Peer) -> None:
@@ -64,10 +61,8 @@ def test_a_future_ends_it(peer: Peer) -> None:
 
 @pytest.mark.parametrize("name", NODES)
 def test_every_callback_waits_for_its_actor_to_know_what_its_kernel_did(
-    name: str, monkeypatch: pytest.MonkeyPatch
+    name: str, in_domain: int
 ) -> None:
-    for key, value in private_environment(next_domain()).items():
-        monkeypatch.setenv(key, value)
     rclpy.init(args=["--ros-args", "-p", "scene:=five_bar"])
     node = ManagedNode(actor_type(name), Exchange())
     try:

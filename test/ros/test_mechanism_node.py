@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The mechanism alone: what it tells at the start, and loops that open and close."""
 
-import pytest
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, UInt8MultiArray
@@ -13,8 +12,6 @@ from hapticmech_ros.nodes.messages import LATCHED
 from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.messages import MechanismEnergy
 from ros.harness import Peer, running
-
-pytestmark = pytest.mark.ros
 
 
 def test_publishes_joint_states_pose_and_closures(domain: int, peer: Peer) -> None:
@@ -37,13 +34,10 @@ def test_closures_open_and_close_by_service(domain: int, peer: Peer) -> None:
     with running("mechanism_simulator", domain):
         closures = peer.listen("mechanism/closures", UInt8MultiArray, LATCHED)
         peer.until(lambda: closures, "the latched closures")
-        client = peer.node.create_client(SetBool, "mechanism/closures/ground_pin")
-        peer.until(client.service_is_ready, "the service")
 
         def switched(on: bool) -> SetBool.Response:
-            answer = client.call_async(SetBool.Request(data=on))
-            peer.until(answer.done, "an answer")
-            return answer.result()
+            request = SetBool.Request(data=on)
+            return peer.call(SetBool, "mechanism/closures/ground_pin", request)
 
         assert switched(False).success
         peer.until(lambda: list(closures[-1].data) == [0], "the open loop")

@@ -23,7 +23,7 @@ from benchmarks.reliability.users import (
 )
 from sampling import only_long
 
-pytestmark = [pytest.mark.ros, pytest.mark.alone]
+pytestmark = pytest.mark.alone
 REASON = not_permitted()
 DELAY_S = 0.01
 MARGIN_S = 0.02

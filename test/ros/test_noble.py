@@ -22,7 +22,6 @@ import test_packaging
 from test_packaging import EXECUTABLES, PACKAGE, ROOT, copy_sources, own_world
 
 # Beside others it would take their processors.
-pytestmark = pytest.mark.ros
 TIMEOUT_S = 300.0
 # Ubuntu 24.04 has these, of these versions.
 OLD = ["pydantic==1.10.14", "rich==13.7.1", "setuptools==68.1.2", "typer==0.9.0"]

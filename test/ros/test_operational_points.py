@@ -18,9 +18,8 @@ from hapticmech_ros.nodes.messages import LATCHED, stamp_ns
 from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.messages import OperationalModelMessage
 from hapticmech_ros.wire.state import StateLayout
-from ros.harness import Peer, allowing, figures, refused, refuses, running, six
+from ros.harness import Peer, Statuses, allowing, figures, refused, refuses, running, six
 
-pytestmark = pytest.mark.ros
 SCENE = load_scene("five_bar")
 # N from one command to the next; what the hand is promised not to feel.
 BUMP_N = 0.1
@@ -49,8 +48,8 @@ def test_a_topic_and_a_parameter_put_the_point_elsewhere(domain: int, peer: Peer
         command.publish(grasp(peer, "link1", 0.02, 0.01))
         peer.until(lambda: told[-1].header.frame_id == "link1", "the new place")
         assert position(told[-1]) == [0.02, 0.01, 0.0]
-        count, before = len(states), len(poses)
-        peer.until(lambda: len(states) > count + 5 and len(poses) > before + 5, "states and poses")
+        peer.until_more(states, 5, "states")
+        peer.until_more(poses, 5, "poses")
         state = layout.unpack(states[-1].data)
         point = grasp_written(SCENE, "", "link1 0.02 0.01 0")
         assert state.grasps[0].tolist() == flat_grasp(SCENE, point).tolist()
@@ -59,8 +58,7 @@ def test_a_topic_and_a_parameter_put_the_point_elsewhere(domain: int, peer: Peer
         # Where it is in the world: on the link that is held, found from the present state.
         command.publish(grasp(peer, "world", 0.03, 0.04))
         peer.until(lambda: position(told[-1]) != [0.02, 0.01, 0.0], "the place in the world")
-        count = len(poses)
-        peer.until(lambda: len(poses) > count + 5, "poses")
+        peer.until_more(poses, 5, "poses")
         assert told[-1].header.frame_id == "link1"
         assert np.abs(np.array(position(poses[-1])) - [0.03, 0.04, 0.0]).max() < 1e-12
         assert peer.set_parameters("mechanism_simulator", grasp="link3 0.01 0 0").successful
@@ -70,8 +68,7 @@ def test_a_topic_and_a_parameter_put_the_point_elsewhere(domain: int, peer: Peer
         peer.until(lambda: told[-1].header.frame_id == start.link, "the scene's place")
 
 
-def test_places_that_are_not_there_are_refused(domain: int, peer: Peer) -> None:
-    statuses = peer.statuses()
+def test_places_that_are_not_there_are_refused(domain: int, peer: Peer, statuses: Statuses) -> None:
     told = peer.listen("mechanism/handle/operational_point", PoseStamped, LATCHED)
     with running("mechanism_simulator", domain, diagnostics_period=0.05, grasp="link1 0.02 0 0"):
         command = peer.publisher("mechanism/handle/set_operational_point", PoseStamped)
@@ -88,11 +85,12 @@ def test_places_that_are_not_there_are_refused(domain: int, peer: Peer) -> None:
 
 
 @pytest.mark.alone
-def test_the_hand_feels_no_bump(domain: int, peer: Peer, tmp_path: Path) -> None:
+def test_the_hand_feels_no_bump(
+    domain: int, peer: Peer, statuses: Statuses, tmp_path: Path
+) -> None:
     commands = peer.listen("device/servo_cf", WrenchStamped)
     models = peer.listen("analysis/handle/operational_model", Float64MultiArray)
     frames = peer.listen("view/frames", TransformStamped)
-    statuses = peer.statuses()
 
     def parent() -> str:
         """Return what the handle's newest frame that came is on."""
@@ -107,15 +105,13 @@ def test_the_hand_feels_no_bump(domain: int, peer: Peer, tmp_path: Path) -> None
         command = peer.publisher("mechanism/handle/set_operational_point", PoseStamped)
         # The hand begins 0.25 s after its device, which is a bump of its own.
         peer.until(lambda: commands and six(commands[-1])[0] > 0.1, "a hand that pushes")
-        begun = len(commands)
-        peer.until(lambda: len(commands) > begun + 100, "the end of that bump")
+        peer.until_more(commands, 100, "the end of that bump")
         before = len(commands)
         command.publish(grasp(peer, "link1", 0.02, 0.01))
         controller = "teleoperation_controller"
         peer.until(lambda: statuses.figure(controller, "grasps") == "1", "the new grasp")
         # From there on: a starved peer reads later what was sent before.
-        taken = len(commands)
-        peer.until(lambda: len(commands) > taken + 600, "its closing")
+        peer.until_more(commands, 600, "its closing")
         peer.until(lambda: parent() == "link1", "the handle's frame on the new link")
         peer.until(lambda: six(commands[-1])[0] > 0.1, "the hand held again")
         assert figures(statuses[controller])["engagements"] == "1"

@@ -20,7 +20,6 @@ from hapticmech_ros.nodes.parameter_table import MODELS
 from hapticmech_ros.nodes.runtime import actor_type
 from ros.harness import Peer, refused, running
 
-pytestmark = pytest.mark.ros
 GAIN_UNITS = ("1", "N/m", "N s/m", "N m/rad", "N m s/rad")
 UNITS = ("Hz", "s", "m", "N", "N m", "N/s", "N m/s", *GAIN_UNITS)
 DEVICE = "haptic_device"
@@ -50,7 +49,6 @@ def test_every_parameter_describes_itself(domain: int, peer: Peer) -> None:
 @pytest.mark.parametrize("node", list(MODELS))
 def test_parameter_file_names_all_parameters_and_their_defaults(node: str) -> None:
     path = shared(f"config/{node}.yaml")
-    assert path is not None
     text = Path(path).read_text(encoding="utf-8")
     document = yaml.safe_load(text)
     assert list(document) == [f"/**/{node}"]
@@ -99,8 +97,7 @@ def test_a_change_against_the_rules_changes_nothing(domain: int, peer: Peer) -> 
             assert not result.successful
             assert next(iter(bad)) in result.reason
         assert peer.parameters_of(DEVICE, "use_sim_time", *names) == before
-        seen = len(samples)
-        peer.until(lambda: len(samples) > seen + 100, "the device to go on by the machine's clock")
+        peer.until_more(samples, 100, "the device to go on by the machine's clock")
 
         assert peer.transition(DEVICE, "deactivate", "cleanup")
         refused(peer, DEVICE, ("hand", "octopus", "commanded"), hand="octopus")

@@ -16,7 +16,6 @@ from rcl_interfaces.msg import Log
 from hapticmech_ros.graph.processes import Graph, private_environment
 from ros.harness import Peer
 
-pytestmark = pytest.mark.ros
 CONTROLLER, DEVICE = "teleoperation_controller", "haptic_device"
 # Longer than a busy machine lets anybody wait, so that what is told of it is of this.
 FROZEN_S, FROZEN_MS = 2.0, 1500.0

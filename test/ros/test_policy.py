@@ -18,7 +18,6 @@ from hapticmech_ros.wire.table import answered, published, requested, subscribed
 from hapticmech_ros.wire.topics import DEVICE_BODY_FORCE, DIAGNOSTICS, TOPICS
 from ros.harness import Peer, running
 
-pytestmark = pytest.mark.ros
 NODES = (
     *("haptic_device", "mechanism_simulator", "nullspace_analyser", "teleoperation_controller"),
     "scene_viewer",

@@ -15,9 +15,7 @@ import pytest
 from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 
-from ros.harness import WAIT_S, Peer, refuses, running, scene_like
-
-pytestmark = pytest.mark.ros
+from ros.harness import WAIT_S, Peer, Statuses, refuses, running, scene_like
 
 CODE = "from hapticmech_ros.nodes.entry import mechanism_simulator as run; run()"
 
@@ -136,9 +134,8 @@ def test_parameters_that_cannot_be_taken_are_said(
     ],
 )
 def test_bad_wrenches_are_refused_and_move_nothing(
-    domain: int, peer: Peer, node: str, topic: str
+    domain: int, peer: Peer, statuses: Statuses, node: str, topic: str
 ) -> None:
-    statuses = peer.statuses()
     joints = peer.listen(f"{topic.partition('/')[0]}/measured_js", JointState)
     with running(node, domain, diagnostics_period=0.02) as process:
         push = peer.publisher(topic, WrenchStamped)
@@ -153,7 +150,6 @@ def test_bad_wrenches_are_refused_and_move_nothing(
             future,
         ):
             refuses(peer, statuses, node, push, bad)
-        seen = len(joints)
-        peer.until(lambda: len(joints) > seen + 20, "more joint states")
+        peer.until_more(joints, 20, "more joint states")
         assert process.poll() is None
     assert np.ptp([m.position for m in joints], axis=0).max() == 0.0

@@ -9,15 +9,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
 from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState, Joy
 from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.nodes.messages import LATCHED
 from ros.harness import Peer, running, scene_like
-
-pytestmark = pytest.mark.ros
 
 
 def test_efforts_are_commands_buttons_are_passed_and_its_end_leaves_nobody_under_a_force(

@@ -26,7 +26,7 @@ from hapticmech_ros.nodes.entry import NODES
 from ros.harness import RATE, next_domain
 from sampling import sampled
 
-pytestmark = [pytest.mark.ros, pytest.mark.alone]
+pytestmark = pytest.mark.alone
 # A stale tie or two masters pull with 4 N and more; engaging on a busy machine, with 1 N.
 PEAK_N = 2.0
 

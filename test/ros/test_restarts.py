@@ -12,13 +12,10 @@ from pathlib import Path
 import pytest
 
 import sampling
-from hapticmech_ros.graph.processes import private_environment
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.lane import lane_folder
-from ros.harness import RATE, Peer
+from ros.harness import RATE, Peer, Statuses, program
 from sampling import only_long
-
-pytestmark = pytest.mark.ros
 
 STORM = Path(__file__).with_name("restart_storm.py")
 RESTARTS = 200 if sampling.LONG else 80
@@ -39,10 +36,9 @@ print(len(ends), sum(len(end.event_handlers) for end in ends))
 
 
 @pytest.mark.parametrize("name", list(NODES))
-def test_no_node_asks_the_middleware_for_events(name: str, domain: int) -> None:
+def test_no_node_asks_the_middleware_for_events(name: str, environment: dict[str, str]) -> None:
     """Whoever takes one may wait for ever, while the middleware brings the next."""
     command = [sys.executable, "-c", EVENTS, name]
-    environment = private_environment(domain)
     run = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True, env=environment)
     ends, events = map(int, run.stdout.split())
     assert ends > 5
@@ -52,25 +48,17 @@ def test_no_node_asks_the_middleware_for_events(name: str, domain: int) -> None:
 @pytest.mark.alone
 @pytest.mark.parametrize("transport", ["auto", *only_long("middleware")])
 def test_a_storm_of_restarts_stops_nobody_else_and_leaves_nothing(
-    transport: str, domain: int, peer: Peer
+    transport: str, domain: int, environment: dict[str, str], peer: Peer, statuses: Statuses
 ) -> None:
-    statuses = peer.statuses()
-    environment = private_environment(domain)
     command = [sys.executable, str(STORM), "7", str(RESTARTS), transport, f"{RATE}"]
-    with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment
-    ) as storm:
-        try:
-            assert storm.stdout is not None
-            told = json.loads(storm.stdout.readline())
-            assert sum(told["killed"].values()) == RESTARTS
-            assert told["unasked"] == []
-            statuses.clear()
-            peer.until(lambda: statuses.well(*NODES), "all four to work")
-            if transport == "auto":
-                folder = lane_folder(environment)
-                peer.until(lambda: len(list(folder.iterdir())) == len(NODES), "no more sockets")
-            storm.communicate(timeout=20.0)
-        finally:
-            storm.kill()
+    with program(domain, *command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as storm:
+        told = json.loads(storm.stdout.readline())
+        assert sum(told["killed"].values()) == RESTARTS
+        assert told["unasked"] == []
+        statuses.clear()
+        peer.until(lambda: statuses.well(*NODES), "all four to work")
+        if transport == "auto":
+            folder = lane_folder(environment)
+            peer.until(lambda: len(list(folder.iterdir())) == len(NODES), "no more sockets")
+        storm.communicate(timeout=20.0)
     assert storm.returncode == 0

@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -21,7 +22,6 @@ from hapticmech_ros import Mechanism, load_scene
 from hapticmech_ros.robot.law import OperationalLaw, inertia_ratio, loop_rates
 from ros.harness import RATE, WAIT_S, Peer, refused, running, six
 
-pytestmark = pytest.mark.ros
 ROBOT = str(Path(__file__).resolve().parents[2] / "examples/iiwa14.yaml")
 SCENE, POINT = "two_link", "handle"
 LIMITS = "320 320 176 176 110 40 40"
@@ -36,8 +36,8 @@ CALM = 100.0
 class Watched:
     """What a test sees of mechanism and robot."""
 
-    def __init__(self, peer: Peer) -> None:
-        self.peer = peer
+    def __init__(self, peer: Peer, processes: dict[str, Any]) -> None:
+        self.peer, self.processes = peer, processes
         self.statuses = peer.statuses()
         self._model = Mechanism(load_scene(ROBOT))
         self._names = list(self._model.tree.joint_names)
@@ -45,6 +45,7 @@ class Watched:
         self.twists = peer.listen(f"mechanism/{POINT}/measured_cv", TwistStamped)
         self.joints = peer.listen("robot/joint_states", JointState)
         self.felt = peer.listen(f"mechanism/{POINT}/external_cf/robot", WrenchStamped)
+        self.orders = peer.listen("robot/commands", Float64MultiArray)
 
     @property
     def handle(self) -> np.ndarray:
@@ -96,6 +97,15 @@ def graph(domain: int, interface: str, **options: object) -> Iterator[dict[str, 
         yield {"mechanism": mechanism, "robot": robot}
 
 
+@contextmanager
+def following(domain: int, peer: Peer, interface: str, **options: object) -> Iterator[Watched]:
+    """Run them until the robot follows."""
+    with graph(domain, interface, **options) as processes:
+        seen = Watched(peer, processes)
+        peer.until(seen.follows, "a robot that follows")
+        yield seen
+
+
 @pytest.mark.parametrize(
     ("interface", "kind"),
     [("effort", "array"), ("velocity", "array"), ("position", "trajectory")],
@@ -103,9 +113,7 @@ def graph(domain: int, interface: str, **options: object) -> Iterator[dict[str, 
 def test_the_robot_moves_by_as_much_as_the_mechanism(
     domain: int, peer: Peer, interface: str, kind: str
 ) -> None:
-    with graph(domain, interface, command_type=kind, wrench_topic="robot/wrench"):
-        seen = Watched(peer)
-        peer.until(seen.follows, "a robot that follows")
+    with following(domain, peer, interface, command_type=kind, wrench_topic="robot/wrench") as seen:
         push = peer.publisher(f"mechanism/{POINT}/external_cf", WrenchStamped)
         # Again where a pause of the machine let the robot begin anew, from where it was then, and
         # across: along its stretched arm the handle is pushed in vain.
@@ -143,9 +151,9 @@ def test_the_hand_feels_what_the_robot_touches(domain: int, peer: Peer) -> None:
     tool = model.frame_pose(start, "tool").translation
     # A wall 15 mm from the tool, in whose way the mechanism goes.
     wall = f"{tool[0] + 0.025} 0 0 -1 0 0"
-    with graph(domain, "effort", wall=wall, control_rate=RATE, wrench_topic="robot/wrench"):
-        seen = Watched(peer)
-        peer.until(seen.follows, "a robot that follows")
+    with following(
+        domain, peer, "effort", wall=wall, control_rate=RATE, wrench_topic="robot/wrench"
+    ) as seen:
         push = peer.publisher(f"mechanism/{POINT}/external_cf", WrenchStamped)
 
         peer.until(
@@ -158,9 +166,7 @@ def test_the_hand_feels_what_the_robot_touches(domain: int, peer: Peer) -> None:
 
 
 def test_the_sensor_is_tared_at_rest_only(domain: int, peer: Peer) -> None:
-    with graph(domain, "effort", wrench_topic="robot/wrench"):
-        seen = Watched(peer)
-        peer.until(seen.follows, "a robot that follows")
+    with following(domain, peer, "effort", wrench_topic="robot/wrench") as seen:
         peer.until(lambda: seen.rests, "rest")
         answers = []
 
@@ -187,8 +193,8 @@ def test_the_sensor_is_tared_at_rest_only(domain: int, peer: Peer) -> None:
 
 def test_a_wrench_is_felt_in_the_axes_that_it_names(domain: int, peer: Peer) -> None:
     """2 N down: of a sensor that tells the base's axes, and of one with a frame of nobody."""
-    with graph(domain, "effort", wrench_topic="ft/wrench"):
-        seen = Watched(peer)
+    with graph(domain, "effort", wrench_topic="ft/wrench") as processes:
+        seen = Watched(peer, processes)
         sensor = peer.publisher("ft/wrench", WrenchStamped)
 
         def told(frame: str) -> None:
@@ -233,11 +239,8 @@ def test_a_simulated_robot_whose_motion_is_lost_begins_anew(domain: int, peer: P
 
 
 def test_without_a_target_the_robot_stands_and_carries_its_weight(domain: int, peer: Peer) -> None:
-    with graph(domain, "effort") as processes:
-        seen = Watched(peer)
-        orders = peer.listen("robot/commands", Float64MultiArray)
-        peer.until(seen.follows, "a robot that follows")
-        processes["mechanism"].kill()
+    with following(domain, peer, "effort") as seen:
+        seen.processes["mechanism"].kill()
         peer.until(lambda: int(seen.figure("target_stale") or 0) > 0, "a stale target")
         peer.until(lambda: seen.statuses["robot_follower"].level != b"\x00", "a warning")
         assert "target" in seen.statuses["robot_follower"].message
@@ -245,23 +248,20 @@ def test_without_a_target_the_robot_stands_and_carries_its_weight(domain: int, p
         before = seen.tool
         peer.run(0.5)
         assert np.linalg.norm(seen.tool - before) < 1e-3
-        assert all(np.isfinite(order.data).all() for order in orders)
+        assert all(np.isfinite(order.data).all() for order in seen.orders)
         # Joint 2 carries the arm.
-        assert abs(orders[-1].data[1]) > 10.0
+        assert abs(seen.orders[-1].data[1]) > 10.0
 
 
 def test_without_joint_states_the_weight_alone_is_carried(domain: int, peer: Peer) -> None:
     model = Mechanism(load_scene(ROBOT))
-    with graph(domain, "effort") as processes:
-        seen = Watched(peer)
-        orders = peer.listen("robot/commands", Float64MultiArray)
-        peer.until(seen.follows, "a robot that follows")
-        processes["robot"].kill()
+    with following(domain, peer, "effort") as seen:
+        seen.processes["robot"].kill()
         peer.until(lambda: int(seen.figure("joints_stale") or 0) > 0, "stale joint states")
 
         def carries_the_weight() -> bool:
             weight = pin.computeGeneralizedGravity(model.model, model.model.createData(), seen.q)
-            return np.allclose(orders[-1].data, weight, rtol=1e-7, atol=1e-9)
+            return np.allclose(seen.orders[-1].data, weight, rtol=1e-7, atol=1e-9)
 
         peer.until(carries_the_weight, "torques that carry the weight")
 
@@ -281,9 +281,9 @@ def test_rates_follow_delay_and_payload_and_change_while_it_follows(
         wanted = {"linear_rate": rates.law, "observer_rate": rates.observer}
         return all(seen.figure(name) == f"{rate:.3g}" for name, rate in wanted.items())
 
-    with graph(domain, "effort", wrench_topic="robot/wrench", gain_ramp=0.1, **told):
-        seen = Watched(peer)
-        peer.until(seen.follows, "a robot that follows")
+    with following(
+        domain, peer, "effort", wrench_topic="robot/wrench", gain_ramp=0.1, **told
+    ) as seen:
         peer.until(lambda: acts(0.05), "rates of the rule")
         assert peer.set_parameters("robot_follower", loop_delay=0.1).successful
         peer.until(lambda: acts(0.1), "rates of the longer delay")

@@ -20,7 +20,6 @@ from hapticmech_ros.loading import find_scene
 from hapticmech_ros.system.readiness import ADDRESS, Readiness
 from ros.harness import RATE, WAIT_S, Peer, child_of, program
 
-pytestmark = pytest.mark.ros
 COMMAND = [sys.executable, "-m", "hapticmech_ros"]
 
 

@@ -20,9 +20,7 @@ from benchmarks.reliability.full_disk import FullDisk, NoDiskError
 from hapticmech_ros.cli.graph import HEARS_WITHIN_S, _receives
 from hapticmech_ros.graph.demo import DemoError, record_graph
 from hapticmech_ros.graph.processes import start_process
-from ros.harness import RATE, WAIT_S, Peer, child_of, program
-
-pytestmark = pytest.mark.ros
+from ros.harness import RATE, WAIT_S, Peer, Statuses, child_of, program
 
 COMMAND = [sys.executable, "-c", "from hapticmech_ros.cli import main; main()"]
 
@@ -90,10 +88,9 @@ def test_the_graph_goes_on_where_the_disk_is_full(domain: int, peer: Peer, tmp_p
 
 
 def test_a_bag_that_is_recorded_to_the_end_is_a_success(
-    domain: int, peer: Peer, tmp_path: Path
+    domain: int, peer: Peer, statuses: Statuses, tmp_path: Path
 ) -> None:
     bag = tmp_path / "bag"
-    statuses = peer.statuses()
     with run(domain, bag) as process:
         # Of what was never rendered the end is no success.
         peer.until(

@@ -20,10 +20,9 @@ from hapticmech_ros.graph.processes import (
     stop_process,
 )
 from hapticmech_ros.nodes.messages import stamp_ns
-from ros.harness import RATE, Peer, allowing, running, six
+from ros.harness import RATE, Peer, Statuses, allowing, running, six, unstamped
 from ros.standing_device import STANDS_S
 
-pytestmark = pytest.mark.ros
 MS = 1_000_000
 # Nothing pushes but the commands; what the actuators apply is told at every sample.
 STILL = {"wait_for_start": True, "view_rate": 1000.0, "diagnostics_period": 0.05}
@@ -120,9 +119,7 @@ def test_a_second_publisher_is_refused_once_it_speaks(bench: Bench, peer: Peer) 
 
     def refused() -> bool:
         # With no stamp, as CRTK allows, and the same command.
-        message = peer.wrench(*PUSH)
-        message.header.stamp.sec = message.header.stamp.nanosec = 0
-        second.publish(message)
+        second.publish(unstamped(*PUSH))
         bench.pushed()
         return bench.zero() and "more than one publisher" in bench.figure("fault")
 
@@ -159,10 +156,9 @@ def test_limits_slew_ramp_and_workspace_hold_and_are_told(
 
 
 def test_a_device_that_nobody_could_stop_ends_its_force_until_it_listens_again(
-    domain: int, peer: Peer
+    domain: int, peer: Peer, statuses: Statuses
 ) -> None:
     others = "mechanism_simulator,nullspace_analyser,teleoperation_controller"
-    statuses = peer.statuses()
     arguments = ros_arguments({"scene": "five_bar", "control_rate": RATE})
     command = [sys.executable, str(Path(__file__).with_name("standing_device.py")), *arguments]
     applied = peer.listen("device/measured_cf", WrenchStamped)

@@ -5,12 +5,9 @@
 from pathlib import Path
 
 import pytest
-from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 
 from ros.harness import Peer, allowing, refused, running
-
-pytestmark = pytest.mark.ros
 
 DEVICE, CONTROLLER = "haptic_device", "teleoperation_controller"
 # Less safe than five_bar allows: what a stranger set over the network.
@@ -24,21 +21,43 @@ WORSE = {
 }
 
 
-def test_no_running_device_is_made_less_safe(domain: int, peer: Peer) -> None:
-    samples = peer.listen("device/state", Float64MultiArray)
-    with running(DEVICE, domain):
-        peer.until(lambda: samples, "the device")
-        before = peer.parameters_of(DEVICE, *WORSE)
-        for name, value in WORSE.items():
-            refused(peer, DEVICE, (name, "the scene's device.", f"got {value:g}"), **{name: value})
-        assert not peer.set_atomically(DEVICE, view_rate=20.0, force_limit=1000.0).successful
-        assert peer.parameters_of(DEVICE, *WORSE, "view_rate") == [*before, 100.0]
-        assert peer.set_parameters(DEVICE, force_limit=3.0, force_slew=100.0).successful
-        # Nor by way of a device that is made anew.
-        assert peer.transition(DEVICE, "deactivate", "cleanup")
-        assert peer.set_parameters(DEVICE, force_limit=1000.0).successful
-        assert not peer.transition(DEVICE, "configure")
-        assert peer.state_of(DEVICE) == "unconfigured"
+@pytest.mark.parametrize(
+    ("node", "worse", "rule", "safer"),
+    [
+        (
+            DEVICE,
+            list(WORSE.items()),
+            "the scene's device.",
+            [{"force_limit": 3.0, "force_slew": 100.0}],
+        ),
+        # Which would command from older inputs than the scene allows.
+        (
+            CONTROLLER,
+            [("input_timeout", 1.0), ("input_timeout", 0.1001)],
+            "the scene's device.safety.command_timeout, 0.1",
+            [{"input_timeout": 0.05}, {"input_timeout": 0.1}],
+        ),
+    ],
+)
+def test_no_running_node_is_made_less_safe(
+    domain: int, peer: Peer, node: str, worse: list, rule: str, safer: list
+) -> None:
+    names = [*dict(worse), "view_rate"]
+    with running(node, domain):
+        peer.until(lambda: peer.state_of(node) == "active", "the node")
+        before = peer.parameters_of(node, *names)
+        for name, value in worse:
+            refused(peer, node, (name, rule, f"got {value:g}"), **{name: value})
+        less_safe = dict(worse[:1])
+        assert not peer.set_atomically(node, view_rate=20.0, **less_safe).successful
+        assert peer.parameters_of(node, *names) == before
+        for given in safer:
+            assert peer.set_parameters(node, **given).successful
+        # Nor by way of a node that is made anew.
+        assert peer.transition(node, "deactivate", "cleanup")
+        assert peer.set_parameters(node, **less_safe).successful
+        assert not peer.transition(node, "configure")
+        assert peer.state_of(node) == "unconfigured"
 
 
 @pytest.mark.parametrize(
@@ -77,25 +96,6 @@ def test_a_locked_node_stays_as_it_was_started(
         # And no other scene is a way round it.
         refused(peer, node, ("lock_safety",), scene="two_link")
         assert process.poll() is None
-
-
-def test_no_running_controller_commands_from_older_inputs_than_the_scene_allows(
-    domain: int, peer: Peer
-) -> None:
-    name = "input_timeout"
-    with running(CONTROLLER, domain):
-        peer.until(lambda: peer.state_of(CONTROLLER) == "active", "the controller")
-        for value in (1.0, 0.1001):
-            words = name, "the scene's device.safety.command_timeout, 0.1", f"got {value:g}"
-            refused(peer, CONTROLLER, words, **{name: value})
-        assert peer.parameters_of(CONTROLLER, name) == [0.0]
-        for value in (0.05, 0.1):
-            assert peer.set_parameters(CONTROLLER, **{name: value}).successful
-        # Nor by way of a controller that is made anew.
-        assert peer.transition(CONTROLLER, "deactivate", "cleanup")
-        assert peer.set_parameters(CONTROLLER, **{name: 1.0}).successful
-        assert not peer.transition(CONTROLLER, "configure")
-        assert peer.state_of(CONTROLLER) == "unconfigured"
 
 
 @pytest.mark.parametrize(

@@ -23,9 +23,8 @@ from hapticmech_ros.nodes.messages import LATCHED, set_stamp
 from hapticmech_ros.view import Placer
 from hapticmech_ros.wire.state import StateLayout, WireState
 from oracles.users import five_bar_of_two
-from ros.harness import RELIABLE, Peer, refuses, running, six
+from ros.harness import RELIABLE, Peer, Statuses, refuses, running, six
 
-pytestmark = pytest.mark.ros
 CONTACT = np.array([[0.4, -0.2, 0.0, 0.0, 0.0, 0.005]])
 FELT = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
 MECHANISM = Mechanism(load_scene("five_bar"))
@@ -114,10 +113,9 @@ def test_the_picture_has_what_is_heard_and_loses_what_is_over(domain: int, peer:
 
 
 def test_it_listens_while_it_is_active_and_somebody_looks_as_he_wants(
-    domain: int, peer: Peer
+    domain: int, peer: Peer, statuses: Statuses
 ) -> None:
     states = peer.node.create_publisher(Float64MultiArray, "mechanism/state", 10)
-    statuses = peer.statuses()
     with running("scene_viewer", domain, diagnostics_period=0.02):
         peer.until(lambda: "scene_viewer" in statuses, "diagnostics")
         peer.until(lambda: statuses["scene_viewer"].message == "no subscribers", "rest")

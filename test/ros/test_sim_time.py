@@ -23,9 +23,8 @@ from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.state import StateLayout
-from ros.harness import RELIABLE, Peer, figures, running, scene_like, six
+from ros.harness import RELIABLE, Peer, Statuses, figures, running, scene_like, six, unstamped
 
-pytestmark = pytest.mark.ros
 # s, after which the hand pushes: each millisecond is a message and its answers.
 START_DELAY = 0.1
 MS = 1_000_000
@@ -78,8 +77,7 @@ class TestClock:
         return [read(DeviceStateMessage, message.data) for message in self.devices[since:]]
 
 
-def test_simulated_time_is_the_clocks(domain: int, peer: Peer) -> None:
-    statuses = peer.statuses()
+def test_simulated_time_is_the_clocks(domain: int, peer: Peer, statuses: Statuses) -> None:
     clock = TestClock(peer)
     given = {"use_sim_time": True, "hand": "commanded", "diagnostics_period": 0.05}
     given["realtime"] = "on"
@@ -89,10 +87,7 @@ def test_simulated_time_is_the_clocks(domain: int, peer: Peer) -> None:
         clock.begin(1000 * MS, clock.devices, clock.mechanisms)
         started = len(clock.devices)
         for _ in range(30):
-            message = WrenchStamped()
-            message.header.frame_id = "world"
-            message.wrench.force.x = 0.03
-            push.publish(message)
+            push.publish(unstamped(0.03, *[0.0] * 5))
             clock.step()
         # Nothing is asked for: it has what this process has.
         nice = os.getpriority(os.PRIO_PROCESS, 0)
@@ -243,12 +238,8 @@ def test_an_emergency_stop_needs_no_clock_that_goes_on(domain: int, peer: Peer) 
         push = peer.publisher("device/servo_cf", WrenchStamped)
         clock.begin(1000 * MS, clock.devices)
 
-        message = WrenchStamped()
-        message.header.frame_id = "world"
-        message.wrench.force.y = 0.02
-
         def pushed() -> bool:
-            push.publish(message)
+            push.publish(unstamped(0.0, 0.02, *[0.0] * 4))
             peer.run(0.01)
             clock.step()
             return bool(clock.samples(-1)[0].applied.any())

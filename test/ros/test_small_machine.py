@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.small_machine.benchmark import Settings, run_small_machine
 
-pytestmark = [pytest.mark.ros, pytest.mark.alone]
+pytestmark = pytest.mark.alone
 
 # The second joint constraint is felt after 2.3 s.
 DURATION_S = 3.0

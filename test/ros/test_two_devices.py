@@ -28,7 +28,6 @@ from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.topics import DEVICE_STATE, users_of
 from ros.harness import Peer, next_domain, scene_like, six
 
-pytestmark = pytest.mark.ros
 TRIO = [name for name in NODES if name != "mechanism_simulator"]
 
 
@@ -197,8 +196,7 @@ def test_a_device_that_dies_frees_nobody_else(users: Users, peer: Peer) -> None:
     users.graph.kill("a/haptic_device")
     peer.until(lambda: not users.engaged("a"), "a to be let go")
     peer.until(lambda: not np.any(gains[-1].data[2:]), "b to be corrected for nobody")
-    received = len(told["b"])
-    peer.until(lambda: len(told["b"]) > received + 300, "b to go on")
+    peer.until_more(told["b"], 300, "b to go on")
     assert users.engaged("b")
     assert not np.any(six(told["a"][-1]))
     users.graph.restart("a/haptic_device")

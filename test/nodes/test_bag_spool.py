@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from bag.record import times
 from hapticmech_ros.bag import BagReader, BagWriter
 from hapticmech_ros.bag.metadata import offered_qos
 from hapticmech_ros.bag.storage import Messages
@@ -36,29 +37,29 @@ class StalledWriter(BagWriter):
         super().write_many(name, messages)
 
 
-def test_a_disk_that_stalls_delays_nobody(tmp_path: Path) -> None:
-    writer = StalledWriter(tmp_path / "bag")
+def spooled(path: Path, number: int, full: bool = False) -> BagSpool:
+    """Return a spool with so many messages for a disk that stalls until all have been put."""
+    writer = StalledWriter(path, full)
     spool = BagSpool(writer)
     spool.add_topic("/v", UINT8, [offered_qos("stream")])
-    for i in range(20_000):
+    for i in range(number):
         spool.put("/v", [(i, DATA)])
     writer.go.set()
+    return spool
+
+
+def test_a_disk_that_stalls_delays_nobody(tmp_path: Path) -> None:
+    spool = spooled(tmp_path / "bag", 20_000)
     spool.close()
     assert not spool.dropped
-    with BagReader(tmp_path / "bag") as bag:
-        assert [time for _, time, _ in bag.serialized()] == list(range(20_000))
+    assert times(tmp_path / "bag") == list(range(20_000))
 
 
 def test_a_queue_that_is_full_drops_and_counts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(recorded_topic, "LONGEST_QUEUE_BYTES", 100 * len(DATA))
-    writer = StalledWriter(tmp_path / "bag")
-    spool = BagSpool(writer)
-    spool.add_topic("/v", UINT8, [])
-    for i in range(500):
-        spool.put("/v", [(i, DATA)])
-    writer.go.set()
+    spool = spooled(tmp_path / "bag", 500)
     spool.close()
     assert spool.dropped == {"/v": 500 - 101}
     with BagReader(tmp_path / "bag") as bag:
@@ -66,11 +67,7 @@ def test_a_queue_that_is_full_drops_and_counts(
 
 
 def test_a_full_disk_is_told_and_the_bag_is_finished(tmp_path: Path) -> None:
-    writer = StalledWriter(tmp_path / "bag", full=True)
-    spool = BagSpool(writer)
-    spool.add_topic("/v", UINT8, [])
-    spool.put("/v", [(1, DATA)])
-    writer.go.set()
+    spool = spooled(tmp_path / "bag", 1, full=True)
     with pytest.raises(BagError, match="no space left"):
         spool.close()
     with BagReader(tmp_path / "bag") as bag:
