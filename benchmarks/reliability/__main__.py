@@ -83,7 +83,7 @@ def run_part(name: str, quick: bool, out: Path, rate: float = 0.0) -> list[Figur
     try:
         return list[Figure](part.run(quick, out, **({"rate": rate} if rate else {})))
     except HapticMechError as error:
-        return [unmeasured(name, PARTS[name], f"broke off: {error}")]
+        return [unmeasured(name, PARTS[name], str(error))]
 
 
 def _parser() -> argparse.ArgumentParser:

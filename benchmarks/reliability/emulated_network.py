@@ -23,6 +23,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path as FilePath
 
 from benchmarks.children import ROOT
+from hapticmech_ros.errors import HapticMechError
 
 DEVICE, REST = "device", "rest"
 ADDRESSES = {DEVICE: "10.87.0.1", REST: "10.87.0.2"}
@@ -53,6 +54,10 @@ class Path:
     reordered: float = 0.0
     held: float = 0.005
     out: bool = False
+
+
+class NoNetworkError(HapticMechError):
+    """No network can be emulated here."""
 
 
 def not_permitted() -> str:
@@ -98,6 +103,13 @@ class EmulatedNetwork:
         self._paths = {"to_rest": to_rest or Path(), "to_device": to_device or Path()}
 
     def __enter__(self) -> EmulatedNetwork:
+        """Make the namespaces and start the forwarder.
+
+        Raises:
+            NoNetworkError: this machine does not let us.
+        """
+        if reason := not_permitted():
+            raise NoNetworkError(reason)
         try:
             self._build()
         except BaseException:
@@ -171,8 +183,7 @@ def _ip(*arguments: object) -> None:
     command = ["ip", *map(str, arguments)]
     found = subprocess.run(command, check=False, capture_output=True, text=True)
     if found.returncode:
-        said = found.stderr.strip()
-        raise RuntimeError(f"ip {' '.join(map(str, arguments))}: {said}")
+        raise RuntimeError(f"{' '.join(command)}: {found.stderr.strip()}")
 
 
 def _no_offload(interface: str) -> None:

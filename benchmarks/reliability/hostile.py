@@ -13,6 +13,7 @@ import numpy as np
 from std_msgs.msg import Float64MultiArray, String, UInt8
 
 from hapticmech_ros.numerics.times import NANOSECONDS
+from hapticmech_ros.wire.cdr import decode
 
 LARGEST = sys.float_info.max
 SMALLEST = 5e-324
@@ -88,16 +89,15 @@ class Hostile:
         return b"\0\1\0\0" + struct.pack("<I", len(text) + 1) + text + b"\0"
 
     def _array(self, sample: bytes, now_ns: int) -> bytes:
-        # Its data come last, and its length before them, at a multiple of eight.
-        size = _array_size(sample)
-        values = np.frombuffer(sample[len(sample) - 8 * size :]).copy()
-        if not size:
+        values = decode(sample).copy()
+        if not values.size:
             return sample
         values[2:] = self._changed(values[2:])
-        if size >= 2:
+        if values.size >= 2:
             fresh = self._rng.random() < 0.8
             values[:2] = divmod(now_ns, NANOSECONDS) if fresh else self._rng.choice(ODD_STAMPS, 2)
-        return sample[: len(sample) - 8 * size] + values.tobytes()
+        # Its data come last.
+        return sample[: -values.nbytes] + values.tobytes()
 
     def _stamped(self, kind: Any, now_ns: int) -> bytes:
         rng = self._rng
@@ -159,11 +159,3 @@ class Hostile:
             at = 4 + 4 * self.index((len(changed) - 4) // 4)
             changed[at : at + 4] = self._rng.bytes(4) if self.index(2) else b"\xff\xff\xff\xff"
         return bytes(changed)
-
-
-def _array_size(message: bytes) -> int:
-    """Return how many numbers a whole array of one dimension holds."""
-    (label,) = struct.unpack_from("<I", message, 8)
-    at = 12 + label
-    at += -(at - 4) % 4 + 12
-    return int(struct.unpack_from("<I", message, at)[0])

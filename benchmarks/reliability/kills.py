@@ -51,15 +51,13 @@ def try_kill(rig: Rig, node: str) -> Trial | None:
     rig.graph_of(node).kill(node)
     time.sleep(GONE_S)
     alive = rig.ended() == [node]
-    begun = rig.ring.count
+    if of_device := node == DEVICE:
+        since = rig.ring.count
     restarted_ns = time.monotonic_ns()
     rig.restart(node)
-    if node == DEVICE:
-        fault = Fault(f"{node} killed", begun, killed_ns, restarted_ns, first_output=True)
-    else:
-        fault = Fault(f"{node} killed", since, killed_ns, restarted_ns)
+    fault = Fault(f"{node} killed", since, killed_ns, restarted_ns, first_output=of_device)
     trial = observe(rig, fault, bool, alive)
-    unseen = node == DEVICE and _missed_first(rig, begun, restarted_ns)
+    unseen = of_device and _missed_first(rig, since, restarted_ns)
     return trial if known and not unseen else None
 
 

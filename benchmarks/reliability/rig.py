@@ -281,16 +281,11 @@ class Rig:
                 self.settle()
             time.sleep(CLEAN_S)
             found = self.samples(begun)
-            if not len(found):
-                begun = self.renew()
-                continue
-            first = int(np.argmax(pushing(found)))
-            self.clean_max = float(found["force"].max())
-            steady = found[first:]
-            # A stamp by this machine's monotonic clock.
-            apart = wall_ahead_ns()
-            self.lateness_ns = steady["arrived_ns"] + apart - steady["stamp_ns"]
+            steady = found[np.maximum.accumulate(pushing(found))]
             if len(steady) > 0.5 * CLEAN_S / self.period_s and pushing(steady).all():
+                self.clean_max = float(found["force"].max())
+                # Stamps by this machine's monotonic clock.
+                self.lateness_ns = steady["arrived_ns"] + wall_ahead_ns() - steady["stamp_ns"]
                 return
             begun = self.renew()
         raise BenchError(f"no run of {CLEAN_S:g} s without a break in {TRIES}: too busy a machine")
@@ -298,5 +293,4 @@ class Rig:
 
 def pushing(samples: Samples) -> np.ndarray:
     """Return (n,) whether the actuators push, or say what is no number."""
-    quiet = (samples["force"] == 0.0) & (samples["torque"] == 0.0)
-    return np.asarray(~quiet)
+    return np.asarray((samples["force"] != 0.0) | (samples["torque"] != 0.0))

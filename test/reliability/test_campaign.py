@@ -14,7 +14,7 @@ import pytest
 
 from benchmarks.children import BenchError
 from benchmarks.reliability import __main__ as campaign
-from benchmarks.reliability import clocks, disk, exposure, network, users
+from benchmarks.reliability import disk, emulated_network, stepped_clock
 from benchmarks.reliability.document import BEGIN, DOCUMENT, END, RESULTS, with_table
 from benchmarks.reliability.figure import MACHINE, Figure, load, save, table
 from benchmarks.reliability.full_disk import NoDiskError
@@ -95,10 +95,9 @@ def test_what_a_machine_cannot_measure_is_not_kept_and_the_exit_code_says_so(
 
         return refused
 
-    monkeypatch.setattr(clocks, "compiler", refuse(NoCompilerError("no C compiler")))
+    monkeypatch.setattr(stepped_clock, "compiler", refuse(NoCompilerError("no C compiler")))
     monkeypatch.setattr(disk, "FullDisk", refuse(NoDiskError("no mount")))
-    for module in (network, users, exposure):
-        monkeypatch.setattr(module, "not_permitted", lambda: "no namespaces")
+    monkeypatch.setattr(emulated_network, "not_permitted", lambda: "no namespaces")
     for name in ("clocks", "disk", "network", "users", "exposure"):
         assert campaign.main([name, "--quick", "--out", str(tmp_path)]) == 1
     found = load(tmp_path / campaign.JSON_NAME)

@@ -42,7 +42,7 @@ class Samples:
 
     def seen(self, fault: Fault) -> Seen:
         rows = [row for row in self.rows if row[0] in fault.topics]
-        return seen(np.array(rows, SAMPLE), fault, fault.offset_ns or 0)
+        return seen(np.array(rows, SAMPLE), fault)
 
 
 def test_a_device_that_lets_go_and_comes_back() -> None:
