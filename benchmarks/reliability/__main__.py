@@ -10,6 +10,7 @@ import math
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from benchmarks.reliability.document import publish
@@ -60,7 +61,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         found[name] = run_part(name, asked.quick, out, asked.rate)
         if not all(math.isnan(figure.value) for figure in found[name]):
             # Of each part: they may be run on different days.
-            found[name].append(machine_speed(name))
+            found[name].append(replace(machine_speed(), part=name))
         # After each part: hours of measurements are not lost with the next one.
         save([figure for figures in found.values() for figure in figures], path)
         print(f"== {name}: {time.monotonic() - begun:.0f} s\n", flush=True)
@@ -81,9 +82,10 @@ def run_part(name: str, quick: bool, out: Path, rate: float = 0.0) -> list[Figur
     """
     part = importlib.import_module(f"{HERE}.{name}")
     try:
-        return list[Figure](part.run(quick, out, **({"rate": rate} if rate else {})))
+        figures: list[Figure] = part.run(quick, out, **({"rate": rate} if rate else {}))
     except HapticMechError as error:
-        return [unmeasured(name, PARTS[name], str(error))]
+        figures = [unmeasured(PARTS[name], str(error))]
+    return [replace(figure, part=name) for figure in figures]
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -26,7 +26,6 @@ from benchmarks.reliability.trial import (
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.wire.topics import DEVICE
 
-PART = "clocks"
 TRIALS, QUICK_TRIALS = 50, 2
 # NTP's daily bread, and a machine whose battery was empty; a simulator that is reset.
 STEPS_S, SIMULATED_STEPS_S = (5.0, 600.0), (8.0,)
@@ -94,17 +93,17 @@ def _machine(number: int, out: Path) -> list[Figure]:
     """Step the clock of all nodes; then also call the emergency stop after it."""
     hosted, sizes = tuple(NODES), steps(number, STEPS_S)
     with _stepped("day") as (clock,), Rig(out, "clocks_machine", [(hosted, clock)]) as rig:
-        figures = report_delays(PART, rig) + _each_size(rig, clock, sizes, "machine's clock")
+        figures = report_delays(rig) + _each_size(rig, clock, sizes, "machine's clock")
         stops = []
         for index, seconds in enumerate(sizes):
             stops.append(try_stop(rig, clock, seconds, at_once=_by_turns(index)))
             print(stops[-1].line)
-    return figures + summarised_stops(PART, stops)
+    return figures + summarised_stops(stops)
 
 
 def _each_size(rig: Rig, clock: SteppedClock, sizes: Sequence[float], words: str) -> list[Figure]:
     faults = ((words, partial(try_step, rig, clock, size, words)) for size in sizes)
-    return carried_out(PART, rig, faults)
+    return carried_out(rig, faults)
 
 
 def _one_host(number: int, out: Path) -> list[Figure]:
@@ -119,7 +118,7 @@ def _one_host(number: int, out: Path) -> list[Figure]:
             return try_step(rig, clock, seconds, words, WRONG_S)
 
         sizes = enumerate(steps(number, STEPS_S))
-        return carried_out(PART, rig, (("one host's clock", partial(wrong, *one)) for one in sizes))
+        return carried_out(rig, (("one host's clock", partial(wrong, *one)) for one in sizes))
 
 
 def _simulated(number: int, out: Path) -> list[Figure]:

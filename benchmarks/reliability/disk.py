@@ -21,7 +21,6 @@ from benchmarks.reliability.soak import growth, render
 from benchmarks.reliability.trial import GOAL_PEAK
 from hapticmech_ros.graph.processes import stop_process
 
-PART = "disk"
 FULL_S, QUICK_FULL_S = 600.0, 10.0
 MEGABYTES = 4
 FILLS_WITHIN_S = 120.0
@@ -42,7 +41,7 @@ def run(quick: bool, out: Path) -> list[Figure]:
 def _on(disk: FullDisk, seconds: float, out: Path) -> list[Figure]:
     logs = {"ROS_LOG_DIR": str(disk.path / "log")}
     bag, told = disk.path / "bag", out / "disk_recorder.log"
-    with Rig(out, PART, variables=logs) as rig:
+    with Rig(out, "disk", variables=logs) as rig:
         rig.ready()
         with told.open("w") as log:
             record = [*HAPTICMECH, "bag", "record", "--all", "--out", str(bag)]
@@ -59,25 +58,24 @@ def _on(disk: FullDisk, seconds: float, out: Path) -> list[Figure]:
     sentence = told.read_text(encoding="utf-8")
     plain = "No space left on device" in sentence and "Traceback" not in sentence
     return [
-        Figure(PART, "rendered on a full disk for", found.seconds, "s", trials=1),
-        Figure(PART, "largest force, of a clean run's", found.peak / rig.clean_max, "", GOAL_PEAK),
+        Figure("rendered on a full disk for", found.seconds, "s", trials=1),
+        Figure("largest force, of a clean run's", found.peak / rig.clean_max, "", GOAL_PEAK),
         Figure(
-            PART,
             "share of samples with force",
             found.pushed / max(found.samples, 1),
             "",
             None,
             0.99,
         ),
-        Figure(PART, "samples", found.samples / found.seconds, "Hz"),
-        Figure(PART, "rendering broke off", float(found.breaks), "times"),
-        Figure(PART, "recorder: says that the disk is full", float(plain), "", None, 1.0, 1),
-        Figure(PART, "recorder: exit code", float(recorder.returncode), "", 1.0, 1.0, 1),
-        Figure(PART, "messages repaired of its bag", _repaired(bag, out), "", None, 1.0, 1),
+        Figure("samples", found.samples / found.seconds, "Hz"),
+        Figure("rendering broke off", float(found.breaks), "times"),
+        Figure("recorder: says that the disk is full", float(plain), "", None, 1.0, 1),
+        Figure("recorder: exit code", float(recorder.returncode), "", 1.0, 1.0, 1),
+        Figure("messages repaired of its bag", _repaired(bag, out), "", None, 1.0, 1),
         *(
             figure
             for node, held in found.held.items()
-            for figure in growth(PART, node, found.times, held, "resident memory")
+            for figure in growth(node, found.times, held, "resident memory")
         ),
     ]
 

@@ -36,7 +36,6 @@ from hapticmech_ros.wire.topics import ANALYSER, CONTROLLER
 from hapticmech_ros.wire.topics import DEVICE as DEVICE_NODE
 from hapticmech_ros.wire.topics import MECHANISM as MECHANISM_NODE
 
-PART = "doubles"
 TRIALS, QUICK_TRIALS = 50, 2
 STAYS_S, JOINS_WITHIN_S = 1.5, 20.0
 # Beside other programs a process may take half a minute to start. One that has been up for so long,
@@ -141,13 +140,13 @@ def silent_from(
 def run(quick: bool, out: Path) -> list[Figure]:
     """Let every kind of double join 50 times (quick: twice), half of them before the original."""
     number = QUICK_TRIALS if quick else TRIALS
-    with Rig(out, PART, all_topics=True) as rig:
-        figures = report_delays(PART, rig)
+    with Rig(out, "doubles", all_topics=True) as rig:
+        figures = report_delays(rig)
         for kind in KINDS:
             shares = rig.shares()
             ways = [(index % 2 == 0, index % 4 >= 2) for index in range(number)]
             doubles = ((kind.name, partial(try_double, rig, kind, *way)) for way in ways)
-            figures += carried_out(PART, rig, doubles)
+            figures += carried_out(rig, doubles)
             rig.ready()
             figures.append(grown(kind.name, shares, rig.shares()))
     return figures
@@ -163,7 +162,7 @@ def grown(kind: str, before: Mapping[int, float], after: Mapping[int, float]) ->
     """
     ratios = [after[one] / before[one] for one in before if one in after]
     name = f"{kind}: processor time of nodes that stayed, largest, of before"
-    return Figure(PART, name, max(ratios, default=math.nan), "", MOST_GROWN, None, len(ratios))
+    return Figure(name, max(ratios, default=math.nan), "", MOST_GROWN, None, len(ratios))
 
 
 def try_double(rig: Rig, kind: Kind, before: bool, killed: bool = False) -> Trial:

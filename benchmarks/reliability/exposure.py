@@ -26,7 +26,6 @@ from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.graph.processes import stop_process
 from hapticmech_ros.system.discovery import PEERS, PROFILES, RANGE
 
-PART = "exposure"
 DOMAIN = "7"
 STARTS_WITHIN_S = 30.0
 VISITOR = [sys.executable, "-m", "benchmarks.reliability.visitor"]
@@ -112,11 +111,11 @@ def run(quick: bool, out: Path) -> list[Figure]:
 
     def most(name: str, what: str) -> Figure:
         worst = max(getattr(one, what) for one in closed)
-        return Figure(PART, name, float(worst), most=0.0, trials=trials)
+        return Figure(name, float(worst), most=0.0, trials=trials)
 
     def least(name: str, visits: list[Visit], what: str, bound: float) -> Figure:
         worst = min(getattr(one, what) for one in visits)
-        return Figure(PART, name, float(worst), least=bound, trials=trials)
+        return Figure(name, float(worst), least=bound, trials=trials)
 
     return [
         most("topics found from another host", "topics"),
@@ -128,7 +127,7 @@ def run(quick: bool, out: Path) -> list[Figure]:
         least("opened: pushes obeyed", opened, "pushes", 1.0),
         least("opened: parameters set", opened, "parameters", 1.0),
         least("opened: nodes stopped", opened, "transitions", 1.0),
-        Figure(PART, "opened: said at the start", warned, "runs", None, trials, trials),
+        Figure("opened: said at the start", warned, "runs", None, trials, trials),
     ]
 
 

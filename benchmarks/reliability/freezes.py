@@ -17,7 +17,6 @@ from benchmarks.reliability.trial import Fault, Trial, each_node, observe
 from hapticmech_ros.nodes.timeouts import ByRate
 from hapticmech_ros.wire.topics import DEVICE
 
-PART = "freezes"
 SHORTEST, LONGEST_S = ByRate(50, 0.05), 2.0
 STOPS_WITHIN_S = 2.0
 SEED = 0
@@ -35,7 +34,7 @@ def run(quick: bool, out: Path, rate: float = 0.0) -> list[Figure]:
         shortest_s = SHORTEST.at(rig.period_s)
         return try_freeze(rig, node, shortest_s * (LONGEST_S / shortest_s) ** chance.random())
 
-    return each_node(PART, quick, out, rate, freeze)
+    return each_node("freezes", quick, out, rate, freeze)
 
 
 def try_freeze(rig: Rig, node: str, seconds: float) -> Trial:

@@ -12,7 +12,6 @@ from benchmarks.reliability.rig import Rig
 from benchmarks.reliability.trial import Fault, Trial, each_node, observe
 from hapticmech_ros.wire.topics import CONTROLLER, DEVICE
 
-PART = "kills"
 # Gone for so long: others have noticed by then.
 GONE_S = 0.3
 # The moment of a kill is to be known so well.
@@ -29,12 +28,12 @@ def run(quick: bool, out: Path, rate: float = 0.0) -> list[Figure]:
             missed += 1
         return trial
 
-    figures = each_node(PART, quick, out, rate, kill)
+    figures = each_node("kills", quick, out, rate, kill)
     note = (
         "the watcher met the new device later than the controller did, or the moment of the "
         "kill is not known to a millisecond"
     )
-    return [*figures, Figure(PART, "kills that are left out", missed, note=note)]
+    return [*figures, Figure("kills that are left out", missed, note=note)]
 
 
 def try_kill(rig: Rig, node: str) -> Trial | None:

@@ -31,7 +31,6 @@ from hapticmech_ros.loading import load_scene
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.wire.topics import OPERATIONAL_POINT, SET_OPERATIONAL_POINT
 
-PART = "messages"
 # Scenes by turns: plane with a loop, and in space with contacts.
 SCENES = ("five_bar", "peg_in_hole", "spatial_arm")
 # In process; on the wire on all topics; and on those without an owner.
@@ -59,7 +58,7 @@ def run_in_process(count: int, out: Path, scenes: Sequence[str] = SCENES) -> lis
     (out / "messages_in_process.txt").write_text("\n".join(lines), "utf-8")
     sent = sum(trial.sent for trial in trials)
 
-    figure = figures_of(PART, "in process", sent)
+    figure = figures_of("in process", sent)
     return [
         figure("messages", sent, least=count),
         figure("exceptions that escaped", sum(trial.escaped for trial in trials), most=0.0),
@@ -71,7 +70,7 @@ def run_in_process(count: int, out: Path, scenes: Sequence[str] = SCENES) -> lis
         figure("longest callback or tick", max(t.longest_s for t in trials), "s", most=HANG_S),
         figure("looks at a graph that had not come back", sum(t.lost for t in trials), most=0.0),
         figure("looks", sum(trial.looks for trial in trials)),
-        worst_growth(PART, "in process", [trial.memory for trial in trials], sent),
+        worst_growth("in process", [trial.memory for trial in trials], sent),
     ]
 
 

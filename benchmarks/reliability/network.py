@@ -21,7 +21,6 @@ from hapticmech_ros.scene import document_of
 from hapticmech_ros.scene.controller import Connection
 from hapticmech_ros.session import Session
 
-PART = "network"
 SCENE = "five_bar"
 DELAYS = (0.0, 0.01, 0.05)
 KINDS: dict[str, dict[str, Any]] = {
@@ -131,9 +130,9 @@ def _path(
     most = FORCE_RATIO * simulated_force(delay, kind, seconds, scene)
     again = seen.figure("haptic_device", "times_held")
     took = f"passivity control took {seen.dissipated.max():.2g} J"
-    yield Figure(PART, f"{name}: engaged", seen.engaged(), "", None, ENGAGED, 1, f"held {again}×")
-    yield Figure(PART, f"{name}: largest force", float(seen.force.max()), "N", most, None, 1, took)
-    yield Figure(PART, f"{name}: least E_h", float(seen.from_hand.min()), "J", None, ENERGY_J, 1)
+    yield Figure(f"{name}: engaged", seen.engaged(), "", None, ENGAGED, 1, f"held {again}×")
+    yield Figure(f"{name}: largest force", float(seen.force.max()), "N", most, None, 1, took)
+    yield Figure(f"{name}: least E_h", float(seen.from_hand.min()), "J", None, ENERGY_J, 1)
 
 
 def _outage(
@@ -155,9 +154,9 @@ def _outage(
     zero = max(seen.zero_after(a, b) for a, b in zip(cut, mended, strict=True))
     back = max(seen.back_after(b) for b in mended)
     within = 2.0 * delay + ONE_WAY_MARGIN_S if one_way else delay + MARGIN_S
-    yield Figure(PART, f"{name}: zero force within", 1e3 * zero, "ms", 1e3 * within, None, count)
-    yield Figure(PART, f"{name}: back within", back, "s", BACK_S, None, count)
-    yield Figure(PART, f"{name}: least E_h", float(seen.from_hand.min()), "J", None, ENERGY_J, 1)
+    yield Figure(f"{name}: zero force within", 1e3 * zero, "ms", 1e3 * within, None, count)
+    yield Figure(f"{name}: back within", back, "s", BACK_S, None, count)
+    yield Figure(f"{name}: least E_h", float(seen.from_hand.min()), "J", None, ENERGY_J, 1)
 
 
 def _undeclared(delay: float, seconds: float, out: FilePath) -> Iterator[Figure]:
@@ -166,8 +165,8 @@ def _undeclared(delay: float, seconds: float, out: FilePath) -> Iterator[Figure]
     most = FORCE_RATIO * simulated_force(delay, "plain", seconds)
     said = bool(seen.figure("teleoperation_controller", "loop_warning"))
     name = f"{1e3 * delay:g} ms, plain, not declared"
-    yield Figure(PART, f"{name}: largest force", float(seen.force.max()), "N", most, None, 1)
-    yield Figure(PART, f"{name}: said", 100.0 * said, "%", None, 100.0, 1)
+    yield Figure(f"{name}: largest force", float(seen.force.max()), "N", most, None, 1)
+    yield Figure(f"{name}: said", 100.0 * said, "%", None, 100.0, 1)
 
 
 def _clocks(delay: float, seconds: float, out: FilePath) -> Iterator[Figure]:
@@ -176,5 +175,5 @@ def _clocks(delay: float, seconds: float, out: FilePath) -> Iterator[Figure]:
     seen, _ = _watched("clocks", Path(delay), seconds, out, device=device)
     most = FORCE_RATIO * simulated_force(delay, "plain", seconds)
     name = f"{1e3 * delay:g} ms, the device's clock {-CLOCK_AHEAD_S:g} s behind"
-    yield Figure(PART, f"{name}: engaged", seen.engaged(), "", None, ENGAGED, 1)
-    yield Figure(PART, f"{name}: largest force", float(seen.force.max()), "N", most, None, 1)
+    yield Figure(f"{name}: engaged", seen.engaged(), "", None, ENGAGED, 1)
+    yield Figure(f"{name}: largest force", float(seen.force.max()), "N", most, None, 1)

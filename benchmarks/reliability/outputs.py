@@ -72,11 +72,10 @@ class Outputs:
             self.beyond += 1
             self._keep(f"beyond the limits: {applied.tolist()}")
 
-    def figures(self, part: str, where: str, renders: bool) -> list[Figure]:
+    def figures(self, where: str, renders: bool) -> list[Figure]:
         """Return what was seen.
 
         Args:
-            part: of the campaign.
             where: the messages were sent.
             renders: the device has to have force meanwhile, up to its limit.
         """
@@ -84,7 +83,7 @@ class Outputs:
         reached = math.nan if self.device is None else self.largest / self.device.force_limit
         shares, forces = (LEAST_SHARE, LEAST_FORCE) if renders else (None, None)
 
-        figure = figures_of(part, where, self.samples)
+        figure = figures_of(where, self.samples)
         return [
             figure("samples beyond the force limit", self.beyond, most=0.0),
             figure("share of samples with force", share, least=shares),

@@ -171,13 +171,10 @@ def observe(rig: Rig, fault: Fault, about: Callable[[str], bool], alive: bool = 
     return trial
 
 
-def carried_out(
-    part: str, rig: Rig, faults: Iterable[tuple[str, Callable[[], Trial]]]
-) -> list[Figure]:
+def carried_out(rig: Rig, faults: Iterable[tuple[str, Callable[[], Trial]]]) -> list[Figure]:
     """Carry out trials, tell of each as it was done, and return the figures of each name.
 
     Args:
-        part: of the campaign.
         rig: where they happen.
         faults: name that trials are summarised by, and what does one.
     """
@@ -185,28 +182,28 @@ def carried_out(
     for name, fault in faults:
         done.setdefault(name, []).append(fault())
         print(done[name][-1].log(rig.clean_max))
-    found = (summarised(part, name, trials, rig.clean_max) for name, trials in done.items())
+    found = (summarised(name, trials, rig.clean_max) for name, trials in done.items())
     return [figure for figures in found for figure in figures]
 
 
 def each_node(
-    part: str, quick: bool, out: Path, rate: float, try_fault: Callable[[Rig, str], Trial]
+    name: str, quick: bool, out: Path, rate: float, try_fault: Callable[[Rig, str], Trial]
 ) -> list[Figure]:
     """Do something to each node 100 times (quick: twice), in turn, and return the figures.
 
     Args:
-        part: of the campaign.
+        name: of the log.
         quick: a few trials.
         out: folder for logs.
         rate: control rate, Hz; 0: the scene's.
         try_fault: what is done to a node.
     """
     nodes = list(NODES) * (QUICK_TRIALS if quick else TRIALS)
-    with Rig(out, part, rate=rate) as rig:
-        figures = carried_out(part, rig, ((node, partial(try_fault, rig, node)) for node in nodes))
+    with Rig(out, name, rate=rate) as rig:
+        figures = carried_out(rig, ((node, partial(try_fault, rig, node)) for node in nodes))
         rig.ready()
-        left = Figure(part, "sockets left behind", rig.sockets_left(), most=0.0, trials=1)
-        return [*report_delays(part, rig), left, *figures]
+        left = Figure("sockets left behind", rig.sockets_left(), most=0.0, trials=1)
+        return [*report_delays(rig), left, *figures]
 
 
 def seen(found: Samples, fault: Fault, period_s: float = 0.001) -> Seen:
@@ -294,16 +291,15 @@ def _trace(rig: Rig, fault: Fault) -> str:
     return "\n".join(f"{since(at_ns)}  {text}" for at_ns, text in sorted(lines))
 
 
-def summarised(part: str, name: str, trials: Sequence[Trial], clean_max: float) -> list[Figure]:
+def summarised(name: str, trials: Sequence[Trial], clean_max: float) -> list[Figure]:
     """Return the worst of some trials, one or more, as figures, with limits that they are to keep.
 
     Args:
-        part: of the campaign.
         name: of what was done in all of them.
         trials: with what followed.
         clean_max: largest force of a clean run, N.
     """
-    figure = figures_of(part, name, len(trials))
+    figure = figures_of(name, len(trials))
 
     def share(held: Iterable[object]) -> float:
         return 100.0 * float(np.mean(list(map(bool, held))))
@@ -346,13 +342,13 @@ def summarised(part: str, name: str, trials: Sequence[Trial], clean_max: float) 
     ]
 
 
-def report_delays(part: str, rig: Rig) -> list[Figure]:
+def report_delays(rig: Rig) -> list[Figure]:
     """Return how late the watcher itself is, and what a clean run's force is."""
     late = rig.lateness_ns / MS
-    figure = figures_of(part, "watcher", len(late))
+    figure = figures_of("watcher", len(late))
     note = "arrival less stamp, of a clean run"
     return [
-        Figure(part, "clean run: largest force", rig.clean_max, "N", trials=1),
+        Figure("clean run: largest force", rig.clean_max, "N", trials=1),
         figure("lateness, median", float(np.median(late)), "ms", note=note),
         figure("lateness, worst", float(late.max()), "ms", note=note),
     ]

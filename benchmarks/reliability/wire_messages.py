@@ -40,7 +40,7 @@ from hapticmech_ros.nodes.loop import wait_for_messages
 from hapticmech_ros.nodes.messages import LATCHED
 from hapticmech_ros.wire.topics import CONTROLLER, DEVICE
 
-PART, SCENE, POINT = "messages", "five_bar", "handle"
+SCENE, POINT = "five_bar", "handle"
 DEVICE_OUT, MECHANISM_OUT = "device/state", "mechanism/state"
 POINT_MODEL_OUT, GAIN_OUT = f"analysis/{POINT}/operational_model", "device/local_feedback_gain"
 COMMANDS = ("device/servo_cf", f"mechanism/{POINT}/servo_cf")
@@ -224,7 +224,7 @@ class Attack(Stranger):
 
     def figures(self, count: int) -> list[Figure]:
         """Return what was found."""
-        figure = figures_of(PART, self._where, self.sent)
+        figure = figures_of(self._where, self.sent)
         warning = sorted(name for name, well in self._well.items() if not well)
         note = "as counted by the nodes that refused them; more were taken"
         silent = self.requests - self.answered
@@ -234,7 +234,7 @@ class Attack(Stranger):
             figure("longest silence of a node", self.silence_s, "s", most=HANG_S),
             figure("requests without a refusal", silent, most=0.0),
             figure("outputs not finite", self.seen.not_finite, most=0.0),
-            *self.seen.figures(PART, self._where, renders=self._free),
+            *self.seen.figures(self._where, renders=self._free),
             figure("graphs that did not come back", int(not self.back), most=0.0),
             figure(
                 "nodes that still warn",
@@ -242,7 +242,7 @@ class Attack(Stranger):
                 trials=len(self._well),
                 note=", ".join(warning),
             ),
-            worst_growth(PART, self._where, list(self.memory.values()), self.sent),
+            worst_growth(self._where, list(self.memory.values()), self.sent),
             figure("outputs looked at", self.seen.messages),
         ]
 

@@ -22,9 +22,9 @@ from benchmarks.reliability.stepped_clock import NoCompilerError
 from benchmarks.reliability.usage import grown
 from hapticmech_ros.errors import HapticMechError
 
-GOOD = Figure("kills", "zero", 12.0, "ms", most=20.0, trials=4)
-BAD = Figure("kills", "zero", 21.0, "ms", most=20.0, trials=4)
-PLAIN = Figure("kills", "clean", 0.5, "N")
+GOOD = Figure("zero", 12.0, "ms", most=20.0, trials=4, part="kills")
+BAD = Figure("zero", 21.0, "ms", most=20.0, trials=4, part="kills")
+PLAIN = Figure("clean", 0.5, "N", part="kills")
 
 Part = Callable[[bool, Path], list[Figure]]
 
@@ -64,7 +64,7 @@ def test_quick_is_told_and_a_part_run_again_replaces_its_own_figures(
         told.append(quick)
         return [GOOD]
 
-    other = Figure("clocks", "zero", 1.0)
+    other = Figure("zero", 1.0, part="clocks")
     save([BAD, other], tmp_path / campaign.JSON_NAME)
     part("kills", run)
     assert campaign.main(["kills", "--quick", "--out", str(tmp_path)]) == 0
