@@ -34,14 +34,9 @@ def run(quick: bool, out: Path) -> list[Figure]:
     Raises:
         NoDiskError: this machine lets nobody mount a disk in memory.
     """
-    with FullDisk(out / "full_disk", MEGABYTES) as disk:
-        return _on(disk, QUICK_FULL_S if quick else FULL_S, out)
-
-
-def _on(disk: FullDisk, seconds: float, out: Path) -> list[Figure]:
-    logs = {"ROS_LOG_DIR": str(disk.path / "log")}
-    bag, told = disk.path / "bag", out / "disk_recorder.log"
-    with Rig(out, "disk", variables=logs) as rig:
+    folder, told = out / "full_disk", out / "disk_recorder.log"
+    bag, logs = folder / "bag", {"ROS_LOG_DIR": str(folder / "log")}
+    with FullDisk(folder, MEGABYTES) as disk, Rig(out, "disk", variables=logs) as rig:
         rig.ready()
         with told.open("w") as log:
             record = [*HAPTICMECH, "bag", "record", "--all", "--out", str(bag)]
@@ -54,7 +49,8 @@ def _on(disk: FullDisk, seconds: float, out: Path) -> list[Figure]:
         finally:
             stop_process(recorder)
         disk.fill()
-        found = render(rig, seconds, LOOKS)
+        found = render(rig, QUICK_FULL_S if quick else FULL_S, LOOKS)
+        repaired = _repaired(bag, out)
     sentence = told.read_text(encoding="utf-8")
     plain = "No space left on device" in sentence and "Traceback" not in sentence
     return [
@@ -71,7 +67,7 @@ def _on(disk: FullDisk, seconds: float, out: Path) -> list[Figure]:
         Figure("rendering broke off", float(found.breaks), "times"),
         Figure("recorder: says that the disk is full", float(plain), "", None, 1.0, 1),
         Figure("recorder: exit code", float(recorder.returncode), "", 1.0, 1.0, 1),
-        Figure("messages repaired of its bag", _repaired(bag, out), "", None, 1.0, 1),
+        Figure("messages repaired of its bag", repaired, "", None, 1.0, 1),
         *(
             figure
             for node, held in found.held.items()

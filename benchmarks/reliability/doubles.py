@@ -13,7 +13,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -53,8 +53,8 @@ MOST_GROWN = 1.5
 # N and N m, far from what the scene's gains command. A commander that is alone holds the device:
 # else the hand pushes it away, and is braked when the graph takes hold of it again.
 PUSH = ("4.0", "0", "0", "0", "0", "0")
-DRIVER, COMMANDER, GAIN = "foreign_driver", "foreign_commander", "foreign_gain"
-FOREIGN = {DRIVER: "driver", COMMANDER: "commander", GAIN: "gain"}
+FOREIGN = "foreign_"
+DRIVER, COMMANDER, GAIN = (FOREIGN + kind for kind in ("driver", "commander", "gain"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,9 +96,9 @@ class Double:
         self._watch, self._topic = rig.watch, kind.speaks_on
         self.teller: ReportingProcess | None = None
         self._stop: Callable[[], object]
-        if kind.name in FOREIGN:
+        if kind.name.startswith(FOREIGN):
             pushes = kind.name == COMMANDER and not alone
-            arguments = (FOREIGN[kind.name], *(PUSH if pushes else ()))
+            arguments = (kind.name.removeprefix(FOREIGN), *(PUSH if pushes else ()))
             environment = rig.environment_of(kind.original)
             self.teller = rig.start("foreigner.py", *arguments, environment=environment)
             self._process, self._stop = self.teller.process, self.teller.stop
@@ -177,8 +177,7 @@ def try_double(rig: Rig, kind: Kind, before: bool, killed: bool = False) -> Tria
     order = f"{kind.name} {'before' if before else 'after'} {kind.original}"
     since = rig.ready()
     if before:
-        graph = rig.graph_of(kind.original)
-        graph.kill(kind.original)
+        rig.graph_of(kind.original).kill(kind.original)
     asked_ns = time.monotonic_ns()
     with ExitStack() as stack:
         joined = Double(rig, kind, alone=before)
@@ -193,16 +192,14 @@ def try_double(rig: Rig, kind: Kind, before: bool, killed: bool = False) -> Tria
         time.sleep(STAYS_S)
         left_ns = joined.leave(killed)
         cause_ns = _cause(rig, kind, since, asked_ns, first_ns)
-        fault = Fault(f"{order}{', killed' if killed else ''}", since, cause_ns, left_ns)
-        fault = replace(fault, topics=kind.outputs)
-        names = (kind.name, kind.original)
-        return observe(rig, fault, lambda text: _names(text, names))
+        order += ", killed" if killed else ""
+        fault = Fault(order, since, cause_ns, left_ns, topics=kind.outputs)
 
+        def names_both(text: str) -> bool:
+            # A double's name holds the original's.
+            return kind.name in text and kind.original in text.replace(kind.name, "")
 
-def _names(text: str, names: tuple[str, str]) -> bool:
-    """Return whether a sentence names both; a double's name holds the original's."""
-    second, first = names
-    return second in text and first in text.replace(second, "")
+        return observe(rig, fault, names_both)
 
 
 def _wait_alone(rig: Rig, kind: Kind, joined: Double) -> None:

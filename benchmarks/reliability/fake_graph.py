@@ -110,10 +110,11 @@ class Host:
         """As of an rclpy node; none of these actors asks anything of others."""
         return kind, name
 
-    def destroy_subscription(self, subscription: Subscription) -> bool:
+    def drop(self, entity: Any) -> None:
         """Hear a topic no more."""
-        self.graph.subscriptions[subscription.topic].remove(subscription)
-        return True
+        self.graph.subscriptions[entity.topic].remove(entity)
+
+    destroy_subscription = drop
 
     def resolve_topic_name(self, name: str) -> str:
         """Return the full name."""
@@ -145,10 +146,6 @@ class Host:
     def keep(self, entity: Any) -> Any:
         """Return it."""
         return entity
-
-    def drop(self, entity: Any) -> None:
-        """Destroy a subscription."""
-        self.destroy_subscription(entity)
 
     def lane_kind(self, message_type: Any) -> str:
         """There is one process."""

@@ -20,6 +20,7 @@ import select
 import socket
 import sys
 import time
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 from benchmarks.reliability.emulated_network import Path
@@ -90,7 +91,9 @@ def forward(ends: tuple[str, str], seed: int = 1) -> None:
         now = time.monotonic()
         while waiting and waiting[0][0] <= now:
             _, _, target, frame = heapq.heappop(waiting)
-            _send(target, frame)
+            # As on any network: what does not fit is lost.
+            with suppress(OSError):
+                target.send(frame)
         timeout = max(waiting[0][0] - now, 0.0) if waiting else None
         for source in select.select(received, (), (), timeout)[0]:
             if not isinstance(source, socket.socket):
@@ -106,30 +109,14 @@ def forward(ends: tuple[str, str], seed: int = 1) -> None:
                 continue
             way = by_source[source]
             for _ in range(AT_ONCE):
-                heard_frame = _received(source)
-                if heard_frame is None:
+                try:
+                    frame = source.recv(LARGEST_FRAME)
+                except BlockingIOError:
                     break
                 late = way.late(draw)
                 if late is not None:
                     number += 1
-                    heapq.heappush(
-                        waiting, (time.monotonic() + late, number, way.target, heard_frame)
-                    )
-
-
-def _received(source: socket.socket) -> bytes | None:
-    try:
-        return source.recv(LARGEST_FRAME)
-    except BlockingIOError:
-        return None
-
-
-def _send(target: socket.socket, frame: bytes) -> None:
-    try:
-        target.send(frame)
-    except OSError:
-        # As on any network: what does not fit is lost.
-        return
+                    heapq.heappush(waiting, (time.monotonic() + late, number, way.target, frame))
 
 
 if __name__ == "__main__":

@@ -57,25 +57,17 @@ def _bits(data: bytearray, chance: random.Random) -> None:
         data[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
 
 
-def _cut(data: bytearray, chance: random.Random) -> None:
-    del data[chance.randrange(len(data)) :]
-
-
 def _removed(data: bytearray, chance: random.Random) -> None:
+    """Remove a part, or all that is behind a place."""
     at = chance.randrange(len(data))
-    del data[at : at + chance.choice((1, 4, 50, 500))]
+    del data[at : at + chance.choice((1, 4, 50, 500, *[len(data)] * 4))]
 
 
-def _spliced(data: bytearray, chance: random.Random) -> None:
+def _copied(data: bytearray, chance: random.Random) -> None:
+    """Put a part somewhere else, once or often, between what is there or in its place."""
     begin, at = chance.randrange(len(data)), chance.randrange(len(data))
-    part = data[begin : begin + chance.choice((4, 40, 400))]
-    data[at : at + chance.choice((0, len(part)))] = part
-
-
-def _repeated(data: bytearray, chance: random.Random) -> None:
-    begin = chance.randrange(len(data))
-    part = data[begin : begin + chance.choice((1, 5, 60))]
-    data[begin:begin] = part * chance.choice((2, 10, 300))
+    part = data[begin : begin + chance.choice((1, 4, 40, 400))]
+    data[at : at + chance.choice((0, len(part)))] = part * chance.choice((1, 1, 1, 2, 10, 300))
 
 
 def _number(data: bytearray, chance: random.Random) -> None:
@@ -126,6 +118,6 @@ def _replaced(
 
 
 _CHANGES: tuple[Change, ...] = (
-    *(_bits, _cut, _removed, _spliced, _repeated),
+    *(_bits, _removed, _removed, _copied, _copied),
     *(_number, _number, _number, _word, _integer, _bomb),
 )

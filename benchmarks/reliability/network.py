@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable, Iterator
+from itertools import chain
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -14,7 +15,7 @@ import numpy as np
 
 from benchmarks.reliability.emulated_network import EmulatedNetwork, Path
 from benchmarks.reliability.figure import Figure
-from benchmarks.reliability.split_graph import SplitGraph, Watched, of_one_user, run_for
+from benchmarks.reliability.split_graph import NODE, SplitGraph, Watched, of_one_user, run_for
 from hapticmech_ros.analysis.passivity import Trial, scene_of
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.scene import document_of
@@ -54,18 +55,18 @@ def run(quick: bool, out: FilePath) -> list[Figure]:
     """
     seconds, outages = (6.0, 1) if quick else (60.0, 5)
     kinds, delays = (["all of it"], (0.01, 0.05)) if quick else (list(KINDS), DELAYS)
-    figures: list[Figure] = []
-    for delay in delays:
-        for kind in kinds:
-            figures += _path(delay, kind, seconds, out)
+    paths = (_path(delay, kind, seconds, out) for delay in delays for kind in kinds)
+    figures = list(chain.from_iterable(paths))
     for delay in (0.05,) if quick else DELAYS:
         figures += _outage(delay, "plain", outages, out)
     figures += _outage(0.05, "plain", outages, out, one_way=True)
     figures += _outage(0.05, "plain", 1, out, LONG_OUTAGE_S)
     figures += _undeclared(0.05, seconds, out)
-    figures += _clocks(0.01, seconds, out)
-    figures += _path(0.05, "all of it", seconds, out, _firm_arm(seconds, out))
-    return figures
+    behind = f"the device's clock {-CLOCK_AHEAD_S:g} s behind"
+    device = (sys.executable, "-m", "benchmarks.reliability.shifted_clock", str(CLOCK_AHEAD_S))
+    figures += _path(0.01, "plain", seconds, out, also=behind, device=device)
+    firm = _firm_arm(seconds, out)
+    return [*figures, *_path(0.05, "all of it", seconds, out, "a firm arm", scene=firm)]
 
 
 def _firm_arm(seconds: float, out: FilePath) -> str:
@@ -98,7 +99,7 @@ def _watched(
     seconds: float,
     out: FilePath,
     outages: tuple[float, ...] = (),
-    device: tuple[str, ...] = (sys.executable, "-m", "hapticmech_ros.nodes.entry"),
+    device: tuple[str, ...] = NODE,
     scene: str = SCENE,
     lasts: float = OUTAGE_S,
     one_way: bool = False,
@@ -121,12 +122,17 @@ def _watched(
 
 
 def _path(
-    delay: float, kind: str, seconds: float, out: FilePath, scene: str = SCENE
+    delay: float,
+    kind: str,
+    seconds: float,
+    out: FilePath,
+    also: str = "",
+    scene: str = SCENE,
+    device: tuple[str, ...] = NODE,
 ) -> Iterator[Figure]:
-    path = Path(delay, **KINDS[kind])
-    name = f"{1e3 * delay:g} ms, {kind}"
-    name += "" if scene == SCENE else f", {FilePath(scene).stem.replace('_', ' ')}"
-    seen, _ = _watched(name.replace(" ", "_"), path, seconds, out, scene=scene)
+    name = ", ".join(filter(None, (f"{1e3 * delay:g} ms", kind, also)))
+    folder, path = name.replace(" ", "_"), Path(delay, **KINDS[kind])
+    seen, _ = _watched(folder, path, seconds, out, scene=scene, device=device)
     most = FORCE_RATIO * simulated_force(delay, kind, seconds, scene)
     again = seen.figure("haptic_device", "times_held")
     took = f"passivity control took {seen.dissipated.max():.2g} J"
@@ -167,13 +173,3 @@ def _undeclared(delay: float, seconds: float, out: FilePath) -> Iterator[Figure]
     name = f"{1e3 * delay:g} ms, plain, not declared"
     yield Figure(f"{name}: largest force", float(seen.force.max()), "N", most, None, 1)
     yield Figure(f"{name}: said", 100.0 * said, "%", None, 100.0, 1)
-
-
-def _clocks(delay: float, seconds: float, out: FilePath) -> Iterator[Figure]:
-    """Run with a device whose host's clock is behind."""
-    device = (sys.executable, "-m", "benchmarks.reliability.shifted_clock", str(CLOCK_AHEAD_S))
-    seen, _ = _watched("clocks", Path(delay), seconds, out, device=device)
-    most = FORCE_RATIO * simulated_force(delay, "plain", seconds)
-    name = f"{1e3 * delay:g} ms, the device's clock {-CLOCK_AHEAD_S:g} s behind"
-    yield Figure(f"{name}: engaged", seen.engaged(), "", None, ENGAGED, 1)
-    yield Figure(f"{name}: largest force", float(seen.force.max()), "N", most, None, 1)

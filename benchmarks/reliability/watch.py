@@ -60,7 +60,7 @@ Told = tuple[int, float, float]
 class GraphWatch(Node):
     """Puts every control message into the ring and tells what the nodes say."""
 
-    def __init__(self, ring: Ring, point: str) -> None:
+    def __init__(self, ring: Ring, point: str = "") -> None:
         super().__init__("graph_watch")
         self._ring = ring
         self._last: dict[str, str] = {}
@@ -98,25 +98,22 @@ class GraphWatch(Node):
             count = self.count_publishers(topic)
             if count != before:
                 self._counted[topic] = count
-                now = time.monotonic_ns()
-                write_progress(
-                    "publishers", topic=topic, count=count, fewer=count < before, at_ns=now
-                )
+                _tell("publishers", topic=topic, count=count, fewer=count < before)
 
     def _on_status(self, message: DiagnosticArray) -> None:
         for status in message.status:
             figures = {pair.key: pair.value for pair in status.values}
             text = "; ".join(t for t in (status.message, figures.get("fault", "")) if t)
             well = status.level == DiagnosticStatus.OK
-            now = time.monotonic_ns()
-            write_progress(
-                "said", node=status.name, text=text, well=well, by="diagnostics", at_ns=now
-            )
+            _tell("said", node=status.name, text=text, well=well, by="diagnostics")
 
     def _on_log(self, message: Log) -> None:
         well = message.level < Log.WARN
-        now = time.monotonic_ns()
-        write_progress("said", node=message.name, text=message.msg, well=well, by="log", at_ns=now)
+        _tell("said", node=message.name, text=message.msg, well=well, by="log")
+
+
+def _tell(event: str, **facts: object) -> None:
+    write_progress(event, **facts, at_ns=time.monotonic_ns())
 
 
 def _device(message: bytes) -> Told:
@@ -141,6 +138,5 @@ if __name__ == "__main__":
     wake_up_in_time()
     gc.collect()
     gc.freeze()
-    found, *rest = sys.argv[1:]
-    kept = Ring(Path(found))
-    sys.exit(watch(lambda: GraphWatch(kept, rest[0] if rest else ""), []))
+    kept = Ring(Path(sys.argv[1]))
+    sys.exit(watch(lambda: GraphWatch(kept, *sys.argv[2:]), []))

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from math import isfinite
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -139,8 +140,8 @@ def _ticks(ticks: Sequence[TickTime]) -> Sheet:
     return Sheet("a tick of the five-bar, CPU time, µs", ("call", "median", "p90", "max"), rows)
 
 
-def _scientific(value: float | None) -> str:
-    return "" if value is None else f"{value:.1e}"
+def _scientific(value: float) -> str:
+    return f"{value:.1e}" if isfinite(value) else ""
 
 
 def _milli(time: float | None) -> str:
@@ -168,9 +169,7 @@ def drawn(results: Sequence[RunResult], known: Sequence[Problem]) -> Figure:
 def _curve(axes: Axes, members: Sequence[RunResult], colour: str, mark: str) -> None:
     """Draw all runs of a peer, pale, and the best ones joined by a line."""
     runs = [
-        (result.median, max(result.error, SMALLEST))
-        for result in members
-        if result.median is not None and result.error is not None
+        (result.median, max(result.error, SMALLEST)) for result in members if not result.failure
     ]
     if runs:
         axes.plot(*zip(*runs, strict=True), mark, color=colour, alpha=0.25, markersize=4)

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from benchmarks.accuracy.n_four_bar import n_four_bar
-from benchmarks.speed.contender import Contender, Method, Peer, initial_state
+from benchmarks.speed.contender import Method, Peer, initial_state
 from benchmarks.speed.equality import Check, check
 from benchmarks.speed.platform import stewart_platform
 from benchmarks.speed.problems import Problem
 from benchmarks.speed.reference import parallelograms, reference
-from benchmarks.speed.result import FAILURES, timed, warm_up
+from benchmarks.speed.result import timed, timed_in_turn, warm_up
 from hapticmech_ros.analysis.study import Show, silent
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene import Scene, scene_from_document
@@ -114,26 +114,17 @@ def growth(
 def _times(
     scene: Scene, racers: Sequence[tuple[Peer, Method]], repeats: int, budget_s: float
 ) -> dict[tuple[str, str], float]:
-    start, ready = initial_state(scene), []
+    start, ready = initial_state(scene), {}
     for peer, method in racers:
         setting = method.settings_for(scene)[-1]
         contender = peer.contender(scene, start, method, STEP, setting)
         warm_up(contender)
-        steps = _steps_within(contender, budget_s)
-        ready.append(((peer.name, method.name), contender, steps, list[float]()))
-    for _ in range(repeats):
-        for _name, contender, steps, times in ready:
-            try:
-                times.append(timed(contender, steps) / steps)
-            except FAILURES:
-                continue
-    return {name: float(np.median(times)) for name, _, _, times in ready if times}
-
-
-def _steps_within(contender: Contender, budget_s: float) -> int:
-    # So few that no motion is lost, whatever the setting.
-    cost_s = max(timed(contender, 5) / 5, 1e-7)
-    return max(3, min(round(COMPARED / STEP), round(budget_s / cost_s)))
+        cost_s = max(timed(contender, 5) / 5, 1e-7)
+        # So few that no motion is lost, whatever the setting.
+        steps = max(3, min(round(COMPARED / STEP), round(budget_s / cost_s)))
+        ready[peer.name, method.name] = contender, steps
+    found = timed_in_turn(ready, repeats)
+    return {name: float(np.median(times)) for name, times in found.items()}
 
 
 def chain(links: int) -> Scene:
