@@ -125,11 +125,6 @@ def finding_benchmarks(environment: Mapping[str, str]) -> dict[str, str]:
     return {**environment, "PYTHONPATH": os.pathsep.join(paths)}
 
 
-def ids(processes: Mapping[str, subprocess.Popen[str]]) -> dict[str, int]:
-    """Return process ids; a process of several nodes is called ``composed``."""
-    return {"composed" if "," in name else name: p.pid for name, p in processes.items()}
-
-
 @contextmanager
 def busy_programs(count: int) -> Iterator[None]:
     """Keep programs running meanwhile that never stop computing, each in a session of its own.

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import os
 import platform
-import statistics
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -52,10 +51,9 @@ def speed() -> dict[str, float]:
         for _ in range(ANALYSES):
             analyser.observe(state.q, state.v, state.active)
 
-    def add() -> None:
-        sum(range(SUMMED))
-
-    return {"analysis_us": _median_us(analyse) / ANALYSES, "python_loop_us": _median_us(add)}
+    taken = cpu_times({"analyse": analyse, "add": lambda: sum(range(SUMMED))}, REPEATS)
+    analysis_us, python_loop_us = (1e6 * float(np.median(times)) for times in taken.values())
+    return {"analysis_us": analysis_us / ANALYSES, "python_loop_us": python_loop_us}
 
 
 def cpu_times(callers: Mapping[str, Callable[[], object]], rounds: int) -> dict[str, Array]:
@@ -79,16 +77,6 @@ def speed_line(facts: Mapping[str, object]) -> str:
         f"speed of this machine: {facts['analysis_us']:.2f} µs for one analysis of {SCENE}, "
         f"{facts['python_loop_us']:.0f} µs for sum(range({SUMMED:_}))"
     )
-
-
-def _median_us(work: Callable[[], None]) -> float:
-    work()
-    times = []
-    for _ in range(REPEATS):
-        begun = time.thread_time_ns()
-        work()
-        times.append(time.thread_time_ns() - begun)
-    return 1e-3 * statistics.median(times)
 
 
 def _processor() -> str:

@@ -19,7 +19,6 @@ from benchmarks.children import (
     BenchError,
     ReportingProcess,
     finding_benchmarks,
-    ids,
     output_to,
     wait_until,
 )
@@ -147,12 +146,15 @@ def _run(
     with ExitStack() as stack:
         with output_to(folder / "nodes.log"):
             probe = stack.enter_context(ReportingProcess(PROBE, environment))
-            others = {"probe": probe}
+            processes = {"probe": probe.process.pid}
             if step.configuration.recorded:
                 command = [*RECORDER, "--out", str(bag), "--scene", scene]
-                others["recorder"] = stack.enter_context(ReportingProcess(command, environment))
+                recorder = stack.enter_context(ReportingProcess(command, environment))
+                processes["recorder"] = recorder.process.pid
             graph = stack.enter_context(start_graph(step, scene, environment))
-        processes = ids({**graph.processes, **{n: one.process for n, one in others.items()}})
+        # A process of several nodes is called ``composed``.
+        for name, process in graph.processes.items():
+            processes["composed" if "," in name else name] = process.pid
         wait_until_engaged(graph, probe)
         begun_ns, before = time.time_ns(), usage(processes)
         _wait(graph, seconds)

@@ -8,6 +8,7 @@ import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -47,21 +48,14 @@ class Status:
 Ends = Mapping[str, tuple[Status, Status]]
 
 
-def status_of(facts: Mapping[str, object]) -> Status:
+def status_of(facts: Mapping[str, Any]) -> Status:
     """Return the status in a line of the probe's."""
-    given = facts.get("figures")
     figures = {}
-    for key, text in given.items() if isinstance(given, Mapping) else ():
+    for key, text in facts["figures"].items():
         with suppress(ValueError):
             if math.isfinite(value := float(text)):
                 figures[key] = value
-    stamp = facts.get("stamp_ns")
-    return Status(
-        str(facts.get("node")),
-        stamp if isinstance(stamp, int) else 0,
-        str(facts.get("message")),
-        figures,
-    )
+    return Status(facts["node"], facts["stamp_ns"], facts["message"], figures)
 
 
 def around(statuses: Sequence[Status], node: str, window: tuple[int, int]) -> tuple[Status, Status]:

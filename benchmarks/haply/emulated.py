@@ -95,8 +95,7 @@ class Trace:
             lines, _, self._rest = text.rpartition("\n")
             new = [line for line in lines.splitlines() if line and not line.startswith("time")]
             if new:
-                numbers = np.array([[float(cell) for cell in line.split(",")] for line in new])
-                self.rows = np.concatenate((self.rows, numbers))
+                self.rows = np.vstack((self.rows, np.loadtxt(new, delimiter=",", ndmin=2)))
         return self.rows
 
     def force_since(self, time: float) -> tuple[Array, Array]:

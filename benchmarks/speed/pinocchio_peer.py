@@ -4,7 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -195,14 +196,18 @@ class PinocchioDynamics:
             if closure.active:
                 self._add(scene.name, closure, pull)
         self._data = self.model.createData()
-        self._settings = pin.ProximalSettings(accuracy, softness, iterations)
-        self._solve = pin.constraintDynamics
+        settings = pin.ProximalSettings(accuracy, softness, iterations)
+        self._solve: Callable[..., Array] = pin.aba
+        # What it takes besides q, v and the force.
+        self._loops: tuple[Any, ...] = ()
         if len(self._constraints):
+            self._loops = self._constraints, self._constraint_data, settings
             loops = self.model, self._data, self._constraints
             if algorithm == ARTICULATED:
                 self._solve = pin.lcaba
                 pin.computeJointMinimalOrdering(*loops)
             else:
+                self._solve = pin.constraintDynamics
                 pin.initConstraintDynamics(*loops, self._constraint_data)
         self._effort, self._stiffness, self._rest = self._joint_laws()
         damping = self.tree.damping
@@ -212,20 +217,7 @@ class PinocchioDynamics:
     def acceleration(self, q: Array, v: Array) -> Array:
         """Return (nv,) v̇, valid until the next call."""
         force = self._force(q, v) if self._passive else self._effort
-        if len(self._constraints):
-            found: Array = self._solve(
-                self.model,
-                self._data,
-                q,
-                v,
-                force,
-                self._constraints,
-                self._constraint_data,
-                self._settings,
-            )
-            return found
-        free: Array = pin.aba(self.model, self._data, q, v, force)
-        return free
+        return self._solve(self.model, self._data, q, v, force, *self._loops)
 
     def read(self, q: Array, outputs: Sequence[Output]) -> Reading:
         """Return what outputs are at q, m or rad."""

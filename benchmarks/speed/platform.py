@@ -54,7 +54,15 @@ def _document(name: str, legs: int) -> dict[str, Any]:
         swing = float(np.arcsin(along[0] / length))
         tilt = float(np.arctan2(-along[1], along[2]))
         links += _leg(leg, foot, length, 1.0 / legs)
-        closures.append(_ball(leg, head - np.array([0.0, 0.0, HEIGHT])))
+        on_platform = {"xyz": [head[0], head[1], 0.0]}
+        closures.append(
+            {
+                "name": f"ball{leg}",
+                "kind": "spherical",
+                "a": {"link": f"upper{leg}"},
+                "b": {"link": "platform", "origin": on_platform},
+            }
+        )
         q |= {f"tilt{leg}": [tilt], f"swing{leg}": [swing], f"slide{leg}": [length]}
     return {
         "format": "hapticmech-scene/1",
@@ -136,12 +144,3 @@ def _rod(mass: float, centre: float) -> dict[str, Any]:
     across = mass * (PART_LENGTH**2 / 12.0 + ROD_RADIUS**2 / 4.0)
     moments = {"ixx": across, "iyy": across, "izz": 0.5 * mass * ROD_RADIUS**2}
     return {"mass": mass, "com": [0.0, 0.0, centre], "inertia": moments}
-
-
-def _ball(leg: int, head: Array) -> dict[str, Any]:
-    return {
-        "name": f"ball{leg}",
-        "kind": "spherical",
-        "a": {"link": f"upper{leg}"},
-        "b": {"link": "platform", "origin": {"xyz": head.tolist()}},
-    }
