@@ -146,7 +146,10 @@ class _Trial:
         start, since, apart = self._body.pose.translation[0], self._time, 0.0
         while start - self._body.pose.translation[0] < WAY and self._time < since + LONGEST_S:
             self._go_on(PUSH)
-            apart = max(apart, self._apart())
+            told = decode(graph.last[f"/analysis/{self._point}/operational_model"])
+            place = told[OperationalModelMessage.layout.slice("position")]
+            away = place - self._body.pose.translation
+            apart = max(apart, float(np.linalg.norm(away[:2])))
         needed = self._time - since
         return Felt(self._kind.name, engaged, drift, (needed / time_alone(SCENE, PUSH)) ** 2, apart)
 
@@ -200,11 +203,6 @@ class _Trial:
 
     def _put(self, name: str, message: object) -> None:
         self._graph.put(f"/device/{name}", serialize_message(message))
-
-    def _apart(self) -> float:
-        told = decode(self._graph.last[f"/analysis/{self._point}/operational_model"])
-        place = told[OperationalModelMessage.layout.slice("position")]
-        return float(np.linalg.norm((place - self._body.pose.translation)[:2]))
 
 
 def table(found: Sequence[Felt]) -> str:

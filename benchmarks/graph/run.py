@@ -11,7 +11,6 @@ from collections.abc import Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import psutil
 
@@ -26,7 +25,6 @@ from benchmarks.graph.checks import ENGAGED, Check, Expected, check_recording, c
 from benchmarks.graph.plan import VIEW_HZ, Step
 from benchmarks.graph.recorded import recorded
 from benchmarks.graph.statuses import Figures, Status, around, said, status_of
-from benchmarks.reliability.usage import processor_s
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.graph.processes import Graph, private_environment, ros_arguments, start_process
 from hapticmech_ros.nodes.entry import NODES
@@ -80,40 +78,18 @@ class Run:
         return not self.faults
 
 
-class Usage(NamedTuple):
-    """Counters at one time: s of a monotonic clock, CPU time (s) by process, and of all cores."""
-
-    time_s: float
-    processes: Mapping[str, float]
-    machine: Any
-
-
-def usage(processes: Mapping[str, int]) -> Usage:
-    """Return the counters now, of processes by name (ids); one that has ended is left out."""
-    taken = {}
-    for name, pid in processes.items():
-        with suppress(BenchError):
-            taken[name] = processor_s(pid)
-    return Usage(time.monotonic(), taken, psutil.cpu_times())
-
-
 def processor_share(process: str) -> str:
     """Return the name of a figure: the processor time that a process takes."""
     return f"CPU of {process}, % of one core"
 
 
-def load_between(before: Usage, after: Usage) -> Figures:
-    """Return the processor time that was taken from one time to a later one."""
-    elapsed = max(after.time_s - before.time_s, 1e-9)
-    found = {
-        processor_share(name): 100.0 * (taken - before.processes[name]) / elapsed
-        for name, taken in after.processes.items()
-        if name in before.processes
-    }
-    # user nice system idle iowait irq softirq steal; guest time is within user and nice.
-    whole = sum(after.machine[:8]) - sum(before.machine[:8])
-    stolen = after.machine.steal - before.machine.steal
-    return {**found, STOLEN: 100.0 * stolen / max(whole, 1e-9)}
+def load_since(processes: Mapping[str, psutil.Process]) -> Figures:
+    """Return the processor time that was taken since the last call; not of what has ended."""
+    found = {STOLEN: psutil.cpu_times_percent().steal}
+    for name, process in processes.items():
+        with suppress(psutil.NoSuchProcess):
+            found[processor_share(name)] = process.cpu_percent()
+    return found
 
 
 def measure(
@@ -146,19 +122,22 @@ def _run(
     with ExitStack() as stack:
         with output_to(folder / "nodes.log"):
             probe = stack.enter_context(ReportingProcess(PROBE, environment))
-            processes = {"probe": probe.process.pid}
+            started = {"probe": probe.process}
             if step.configuration.recorded:
                 command = [*RECORDER, "--out", str(bag), "--scene", scene]
                 recorder = stack.enter_context(ReportingProcess(command, environment))
-                processes["recorder"] = recorder.process.pid
+                started["recorder"] = recorder.process
             graph = stack.enter_context(start_graph(step, scene, environment))
         # A process of several nodes is called ``composed``.
-        for name, process in graph.processes.items():
-            processes["composed" if "," in name else name] = process.pid
+        processes = {
+            "composed" if "," in name else name: psutil.Process(process.pid)
+            for name, process in {**graph.processes, **started}.items()
+        }
         wait_until_engaged(graph, probe)
-        begun_ns, before = time.time_ns(), usage(processes)
+        begun_ns = time.time_ns()
+        load_since(processes)
         _wait(graph, seconds)
-        after, ended_ns = usage(processes), time.time_ns()
+        load, ended_ns = load_since(processes), time.time_ns()
         wait_until(
             lambda: set(NODES) <= {s.node for s in _statuses(probe) if s.stamp_ns >= ended_ns},
             SPEAKS_WITHIN_S,
@@ -175,7 +154,6 @@ def _run(
         and ends[status.node][0].stamp_ns <= status.stamp_ns <= ends[status.node][1].stamp_ns
     ]
     figures, checks = said(ends), check_run(step.kind, ends, within, session)
-    load = load_between(before, after)
     if not step.configuration.recorded:
         return Run(step, "", checks, {**figures, **load})
     found = recorded(bag, point, window)

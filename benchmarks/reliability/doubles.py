@@ -157,7 +157,7 @@ def grown(kind: str, before: Mapping[int, float], after: Mapping[int, float]) ->
 
     Args:
         kind: of the double.
-        before: share by process, before its trials.
+        before: share by process, %, before its trials.
         after: the same after them.
     """
     ratios = [after[one] / before[one] for one in before if one in after]

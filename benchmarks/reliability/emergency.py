@@ -58,8 +58,7 @@ def try_stop(rig: Rig, clock: SteppedClock, seconds: float, at_once: bool) -> St
         found = rig.samples(since)
         found = found[found["arrived_ns"] >= stepped_ns]
         on, arrived = pushing(found), found["arrived_ns"]
-        last = int(arrived[on][-1]) if on.any() else stepped_ns
-        after = arrived[~on & (arrived >= last)]
+        after = arrived[~on & (arrived >= arrived[on].max(initial=stepped_ns))]
         zero_ms = float(after[0] - answered_ns) / MS if after.size else math.inf
         with suppress(BenchError):
             caller.stop(False)

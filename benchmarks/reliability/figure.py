@@ -43,11 +43,9 @@ class Figure:
     @property
     def kept(self) -> bool:
         """Whether the figure was measured and keeps its bounds."""
-        if math.isnan(self.value):
-            return False
-        above = self.most is not None and self.value > self.most
-        below = self.least is not None and self.value < self.least
-        return not (above or below)
+        most = math.inf if self.most is None else self.most
+        least = -math.inf if self.least is None else self.least
+        return least <= self.value <= most
 
 
 def figures_of(where: str, trials: int) -> Callable[..., Figure]:

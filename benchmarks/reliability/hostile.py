@@ -64,9 +64,7 @@ class Hostile:
             return whole[: int(rng.integers(0, len(whole) + 1))]
         if way < 0.38:
             return whole + self._rng.bytes(int(rng.integers(1, 64)))
-        if way < 0.41:
-            return self._length_changed(whole)
-        return whole
+        return self._length_changed(whole) if way < 0.41 else whole
 
     def index(self, count: int) -> int:
         """Return a number below ``count``."""
@@ -77,9 +75,7 @@ class Hostile:
             return sample[:4] + self._rng.bytes(1)
         if kind is Float64MultiArray:
             return self._array(sample, now_ns)
-        if kind is String:
-            return self._text()
-        return self._stamped(kind, now_ns)
+        return self._text() if kind is String else self._stamped(kind, now_ns)
 
     def _text(self) -> bytes:
         """Return a text that commands nothing."""
@@ -134,8 +130,7 @@ class Hostile:
         values = values.copy()
         if way < 0.35:
             count = int(rng.integers(1, max(2, values.size // 4)))
-            where = rng.integers(0, values.size, size=count)
-            values[where] = rng.choice(EXTREMES, count)
+            values[rng.integers(0, values.size, size=count)] = rng.choice(EXTREMES, count)
         elif way < 0.5:
             values[:] = rng.choice(EXTREMES, values.size)
         elif way < 0.75:

@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 
 from benchmarks.children import BenchError, ReportingProcess, output_to, wait_until
 from benchmarks.reliability.sample import DEVICE, Ring, Samples
 from benchmarks.reliability.stepped_clock import SteppedClock
-from benchmarks.reliability.usage import processor_s
 from hapticmech_ros.compilation.library import compile_ahead
 from hapticmech_ros.graph.processes import Graph, private_environment
 from hapticmech_ros.loading import load_scene
@@ -170,17 +170,19 @@ class Rig:
         return self.graph_of(node).processes[node].pid
 
     def shares(self) -> dict[int, float]:
-        """Return which share of a processor each node takes while the device renders, by its id.
+        """Return how much of a processor each node takes while the device renders, %, by its id.
 
         Raises:
             BenchError: the device does not render, or a node ended.
         """
         self.settle()
-        ids = [process.pid for graph in self._graphs for process in graph.processes.values()]
-        begun, before = time.monotonic(), [processor_s(one) for one in ids]
+        ids = (process.pid for graph in self._graphs for process in graph.processes.values())
+        nodes = [psutil.Process(one) for one in ids]
+        for node in nodes:
+            node.cpu_percent()
         time.sleep(CLEAN_S)
-        after, lasted = [processor_s(one) for one in ids], time.monotonic() - begun
-        return {k: (b - a) / lasted for k, a, b in zip(ids, before, after, strict=True)}
+        self.check()
+        return {node.pid: node.cpu_percent() for node in nodes}
 
     def ended(self) -> list[str]:
         """Return the nodes whose processes are no more."""

@@ -150,8 +150,7 @@ class Seen:
         for one in self.both:
             time, hand = one.energy_time, one.from_hand
             gave = np.maximum.accumulate(np.maximum(-one.to_mechanism, 0.0))
-            inside = (time > self.begun) & (time < self.cut)
-            ports.append(float((hand + gave)[inside].min()))
+            ports.append(float((hand + gave)[(time > self.begun) & (time < self.cut)].min()))
             total += np.interp(times, time, hand)
         return ports[0], ports[1], float(total.min())
 

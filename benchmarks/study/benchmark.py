@@ -111,23 +111,19 @@ def run_benchmark(scenes: int, rounds: int, processes: int, show: Show = silent)
     taken: dict[str, list[float]] = {"alone": [], "shared": [], "cluster": []}
     rows: list[Array] = []
 
-    def timed(way: str, workers: Workers) -> None:
-        with tempfile.TemporaryDirectory() as folder:
-            begun = time.perf_counter()
-            found = run_study(SCENE, design, MEASURES, folder=Path(folder), workers=workers)
-            taken[way].append(time.perf_counter() - begun)
-        rows.append(found.numbers)
-        show(f"{way}: {taken[way][-1]:.1f} s")
-
     ways: dict[str, Callable[[], AbstractContextManager[Workers]]] = {
         "alone": lambda: nullcontext(1),
         "shared": lambda: nullcontext(processes),
         "cluster": lambda: _own_cluster(processes),
     }
     for _ in range(rounds):
-        for way, workers in ways.items():
-            with workers() as given:
-                timed(way, given)
+        for way, given in ways.items():
+            with given() as workers, tempfile.TemporaryDirectory() as folder:
+                begun = time.perf_counter()
+                found = run_study(SCENE, design, MEASURES, folder=Path(folder), workers=workers)
+                taken[way].append(time.perf_counter() - begun)
+            rows.append(found.numbers)
+            show(f"{way}: {taken[way][-1]:.1f} s")
     same = all(one.tobytes() == rows[0].tobytes() for one in rows)
     times = {way: tuple(of) for way, of in taken.items()}
     return StudyResults(machine(), scenes, processes, **times, same=same)
