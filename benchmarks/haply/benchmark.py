@@ -22,11 +22,10 @@ from typing import Annotated, ClassVar
 import numpy as np
 import typer
 
-from benchmarks.children import ReportingProcess, wait_until
+from benchmarks.children import ReportingProcess, finding_benchmarks, wait_until
 from benchmarks.haply.emulated import Emulator, Trace, emulated
 from benchmarks.machine import MachineResults, machine
 from benchmarks.push import WAY, time_alone
-from benchmarks.reliability.rig import FOLDER
 from benchmarks.reliability.sample import DEVICE as WATCHED
 from benchmarks.reliability.sample import Ring
 from hapticmech_ros import load_scene
@@ -57,7 +56,7 @@ SWINGING = (
 # door's knob).
 PUSH_N, PUSH_AFTER_S = 1.0, 2.0
 PUSHED = {"five_bar": (-1.0, 0.0, 0.0), "door": (-0.1739, 0.9848, 0.0)}
-WATCH = [sys.executable, "-u", str(FOLDER / "watch.py")]
+WATCH = [sys.executable, "-m", "benchmarks.reliability.watch"]
 
 
 @dataclass(frozen=True)
@@ -128,7 +127,7 @@ class _Rig:
     def __init__(self, scene: Path, folder: Path, domain: int) -> None:
         self._scene, self._folder, self._number = scene, folder, 0
         self.emulator, self.trace = self._serve(0)
-        environment = private_environment(domain)
+        environment = finding_benchmarks(private_environment(domain))
         parameters = {f"{DRIVER}.uri": self.emulator.uri}
         self.graph = Graph(str(scene), nodes=NODES, parameters=parameters, environment=environment)
         self.ring = Ring(folder / "ring", fresh=True)

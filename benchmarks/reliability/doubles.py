@@ -100,7 +100,7 @@ class Double:
             pushes = kind.name == COMMANDER and not alone
             arguments = (kind.name.removeprefix(FOREIGN), *(PUSH if pushes else ()))
             environment = rig.environment_of(kind.original)
-            self.teller = rig.start("foreigner.py", *arguments, environment=environment)
+            self.teller = rig.start("foreigner", *arguments, environment=environment)
             self._process, self._stop = self.teller.process, self.teller.stop
         else:
             graph = rig.another(kind.original)

@@ -12,7 +12,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -109,24 +109,21 @@ def run(quick: bool, out: Path) -> list[Figure]:
     opened = [visit(out / f"open_{i}.log", 8.0, "--discovery", "subnet") for i in range(trials)]
     warned = sum("open to the network" in one.told for one in opened)
 
-    def most(name: str, what: str) -> Figure:
-        worst = max(getattr(one, what) for one in closed)
-        return Figure(name, float(worst), most=0.0, trials=trials)
-
-    def least(name: str, visits: list[Visit], what: str, bound: float) -> Figure:
-        worst = min(getattr(one, what) for one in visits)
-        return Figure(name, float(worst), least=bound, trials=trials)
+    def least(name: str, found: Iterable[int], bound: float = 1.0) -> Figure:
+        return Figure(name, float(min(found)), least=bound, trials=trials)
 
     return [
-        most("topics found from another host", "topics"),
-        most("its pushes obeyed", "pushes"),
-        most("its parameters set", "parameters"),
-        most("nodes stopped by it", "transitions"),
-        least("topics found on its own host", closed, "seen_here", 10.0),
-        least("opened: topics found", opened, "topics", 10.0),
-        least("opened: pushes obeyed", opened, "pushes", 1.0),
-        least("opened: parameters set", opened, "parameters", 1.0),
-        least("opened: nodes stopped", opened, "transitions", 1.0),
+        Figure(
+            "topics found from another host", max(v.topics for v in closed), "", 0.0, None, trials
+        ),
+        Figure("its pushes obeyed", max(v.pushes for v in closed), "", 0.0, None, trials),
+        Figure("its parameters set", max(v.parameters for v in closed), "", 0.0, None, trials),
+        Figure("nodes stopped by it", max(v.transitions for v in closed), "", 0.0, None, trials),
+        least("topics found on its own host", (v.seen_here for v in closed), 10.0),
+        least("opened: topics found", (v.topics for v in opened), 10.0),
+        least("opened: pushes obeyed", (v.pushes for v in opened)),
+        least("opened: parameters set", (v.parameters for v in opened)),
+        least("opened: nodes stopped", (v.transitions for v in opened)),
         Figure("opened: said at the start", warned, "runs", None, trials, trials),
     ]
 

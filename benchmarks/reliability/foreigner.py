@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Somebody else, at 1 kHz: a CRTK driver, who commands the device, or who tells its gains.
 
-Usage: ``python foreigner.py driver`` publishes a device that stands still, and obeys servo_cf;
-``python foreigner.py commander FX FY FZ TX TY TZ`` commands a constant wrench (N and N m) with
-empty stamps, and without numbers holds the device where it is; ``python foreigner.py gain`` tells
-it in local_feedback_gain that it is very stiff, and that the mechanism has got much energy. Tells
-``first`` whenever one more can hear it, with the monotonic time of the first message to that one.
+``python -m benchmarks.reliability.foreigner driver`` publishes a device that stands still, and
+obeys servo_cf; ``commander FX FY FZ TX TY TZ`` commands a constant wrench (N and N m) with empty
+stamps, and without numbers holds the device where it is; ``gain`` tells it in local_feedback_gain
+that it is very stiff, and that the mechanism has got much energy. Tells ``first`` whenever one more
+can hear it, with the monotonic time of the first message to that one.
 """
 
 from __future__ import annotations

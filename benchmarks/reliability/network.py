@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path as FilePath
 from typing import Any
@@ -113,9 +113,10 @@ def _watched(
         def cut() -> float:
             return network.set(to_rest=nothing, to_device=path if one_way else nothing)
 
-        events: list[tuple[float, Callable[[], float]]] = []
-        for at in outages:
-            events += [(at, cut), (at + lasts, lambda: network.set(path))]
+        def mend() -> float:
+            return network.set(path)
+
+        events = [event for at in outages for event in ((at, cut), (at + lasts, mend))]
         with SplitGraph(network, out / name, of_one_user(scene, given, device)) as graph:
             made = run_for(graph, seconds, events)
             return graph.watched()[""], made

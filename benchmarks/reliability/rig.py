@@ -15,7 +15,13 @@ from typing import Any
 import numpy as np
 import psutil
 
-from benchmarks.children import BenchError, ReportingProcess, output_to, wait_until
+from benchmarks.children import (
+    BenchError,
+    ReportingProcess,
+    finding_benchmarks,
+    output_to,
+    wait_until,
+)
 from benchmarks.reliability.sample import DEVICE, Ring, Samples
 from benchmarks.reliability.stepped_clock import SteppedClock
 from hapticmech_ros.compilation.library import compile_ahead
@@ -26,7 +32,6 @@ from hapticmech_ros.nodes.lane import lane_folder
 from hapticmech_ros.nodes.node_time import wall_ahead_ns
 from hapticmech_ros.wire.topics import DEVICE as DEVICE_NODE
 
-FOLDER = Path(__file__).parent
 SCENE, POINT = "five_bar", "handle"
 WITHIN_S = 20.0
 # Rendering for so long without a break before anything is done to the graph.
@@ -94,7 +99,7 @@ class Rig:
         self._stack = ExitStack()
         self._graphs: list[Graph] = []
         self.environment = {
-            **private_environment(domain),
+            **finding_benchmarks(private_environment(domain)),
             "OPENBLAS_NUM_THREADS": "1",
             **(variables or {}),
         }
@@ -113,10 +118,10 @@ class Rig:
             folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory()))
             self.ring = Ring(folder / "ring", fresh=True)
             point = [POINT] if self._all_topics else []
-            self.watch = self.start("watch.py", str(folder / "ring"), *point)
+            self.watch = self.start("watch", str(folder / "ring"), *point)
             if self._clock is not None:
                 environment = self._clock.environment(self.environment)
-                self.start("clock_source.py", f"{self.period_s}", environment=environment)
+                self.start("clock_source", f"{self.period_s}", environment=environment)
             self._stack.callback(self._stop_graph)
             begun = self.renew()
             if self._clean:
@@ -130,10 +135,10 @@ class Rig:
         self._stack.close()
 
     def start(
-        self, script: str, *arguments: str, environment: Mapping[str, str] | None = None
+        self, module: str, *arguments: str, environment: Mapping[str, str] | None = None
     ) -> ReportingProcess:
-        """Start a script of this folder that meets the graph, and ends with the rig."""
-        command = [sys.executable, "-u", str(FOLDER / script), *arguments]
+        """Start a module of this folder that meets the graph, and ends with the rig."""
+        command = [sys.executable, "-m", f"benchmarks.reliability.{module}", *arguments]
         with output_to(self._log):
             return self._stack.enter_context(
                 ReportingProcess(command, environment or self.environment)

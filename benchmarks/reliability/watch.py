@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Watches a graph from outside: every control message, when it arrived, and what nodes say.
 
-Usage: ``python watch.py RING [POINT]``; with a point it also listens to the mechanism's
+``python -m benchmarks.reliability.watch RING [POINT]``; with a point it also hears the mechanism's
 and the analyser's messages. Samples go into a ring that the parent reads; what nodes say in their
 diagnostics and logs, and how many publishers the topics have that one node may speak on, is told
 by lines of JSON. Times of arrival are by the monotonic clock.
@@ -22,9 +22,6 @@ from geometry_msgs.msg import WrenchStamped
 from rcl_interfaces.msg import Log
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
-
-# By its place, as when this file is run by its path.
-sys.path.append(str(Path(__file__).resolve().parents[2]))
 
 from benchmarks.reliability.sample import COMMAND, DEVICE, MECHANISM, POINT_MODEL, Ring
 from hapticmech_ros.errors import HapticMechError

@@ -12,7 +12,7 @@ import hashlib
 import os
 import time
 from collections.abc import Callable, Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
 
@@ -91,13 +91,13 @@ def run_wire(count: int, out: Path, free: bool = False) -> list[Figure]:
         "haptic_device.command_timeout": 0.05,
         "teleoperation_controller.input_timeout": 0.05,
     }
-    with output_to(out / f"{name}.log"), Graph(SCENE, False, "", parameters) as graph:
-        attack = Attack(graph, environment, free)
-        try:
-            attack.wait(attack.renders, STARTS_WITHIN_S, "the graph to render")
-            attack.run(count)
-        finally:
-            attack.close()
+    with (
+        output_to(out / f"{name}.log"),
+        Graph(SCENE, False, "", parameters) as graph,
+        closing(Attack(graph, environment, free)) as attack,
+    ):
+        attack.wait(attack.renders, STARTS_WITHIN_S, "the graph to render")
+        attack.run(count)
     notes = [f"{name}: {text}" for name, text in sorted(attack.told.items())]
     (out / f"{name}.txt").write_text("\n".join(notes), "utf-8")
     return attack.figures(count)

@@ -119,7 +119,7 @@ def tick_cost(scene: Scene, rounds: int) -> TickCost:
         HapticMechError: ticks and a run of them differ.
     """
     check_agreement(scene)
-    ticked, running, parted = Session(scene), Session(scene), Loop(scene)
+    ticked, running = Session(scene), Session(scene)
     into = np.zeros((TICKS, running.layout.size))
     callers: dict[str, Callable[[], object]] = {
         "tick": lambda: _ticks(ticked),
@@ -129,9 +129,7 @@ def tick_cost(scene: Scene, rounds: int) -> TickCost:
     with suppress(ImportError, HapticMechError):
         callers["mj_step"] = stepping(*at_start(MujocoScene(scene), scene), TICKS)
     times = {name: 1e6 * taken / TICKS for name, taken in cpu_times(callers, rounds).items()}
-    parts = np.zeros((rounds * TICKS, len(PARTS)))
-    for row in parts:
-        parted.timed_tick(row)
+    parts = Loop(scene).timed(rounds * TICKS)
     medians = {name: float(np.median(taken)) for name, taken in times.items()}
     return TickCost(
         scene.name,

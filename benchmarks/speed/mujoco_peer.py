@@ -20,6 +20,7 @@ from benchmarks.speed.contender import (
     State,
     UnsuitableError,
     initial_state,
+    joint_efforts,
     refuse_what_no_peer_has,
 )
 from hapticmech_ros.mechanism.model import TreeModel, build_tree, se3
@@ -80,7 +81,7 @@ class _Mujoco:
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
         self._qpos, self._qvel = converted.state(start)
-        self._efforts = converted.efforts()
+        self._efforts = joint_efforts(converted.tree)
         self.restart()
 
     def restart(self) -> None:
@@ -209,13 +210,6 @@ class MujocoScene:
                     axes = pin.Quaternion(*turn[[3, 0, 1, 2]]).toRotationMatrix()
                     v[rate.start : rate.start + 3] = axes @ start.v[rate][:3]
         return q, v
-
-    def efforts(self) -> Array:
-        """Return (nv,) constant efforts in the joints, N m or N."""
-        efforts = np.zeros(self.tree.pinocchio.nv)
-        for index, joint in enumerate(self.tree.joints):
-            efforts[self.tree.velocity_slice(index)] = joint.effort
-        return efforts
 
     def _add_closure(self, closure: Closure) -> None:
         kinds, weld = self._mujoco.mjtEq, closure.kind == "weld"

@@ -19,6 +19,7 @@ from benchmarks.speed.contender import (
     Setting,
     State,
     UnsuitableError,
+    joint_efforts,
     refuse_what_no_peer_has,
 )
 from hapticmech_ros.mechanism.model import TreeModel, build_tree, se3
@@ -209,7 +210,8 @@ class PinocchioDynamics:
             else:
                 self._solve = pin.constraintDynamics
                 pin.initConstraintDynamics(*loops, self._constraint_data)
-        self._effort, self._stiffness, self._rest = self._joint_laws()
+        self._effort = joint_efforts(self.tree)
+        self._stiffness, self._rest = self._joint_springs()
         damping = self.tree.damping
         self._damping = damping if damping.any() else None
         self._passive = self._damping is not None or self._springs or self._stiffness is not None
@@ -257,18 +259,21 @@ class PinocchioDynamics:
             pull = spring.stiffness * (length - spring.rest_length)
             force -= (pull + spring.damping * float(along @ v)) * along
 
-    def _joint_laws(self) -> tuple[Array, tuple[Array, Array, Array] | None, Array]:
-        """Return efforts (nv,), and of joints with springs: places, stiffness, rest positions."""
-        effort = np.zeros(self.model.nv)
-        sprung: list[tuple[float, ...]] = []
-        for index, joint in enumerate(self.tree.joints):
-            at, rate = self.tree.position_slice(index), self.tree.velocity_slice(index)
-            effort[rate] = joint.effort
-            if joint.stiffness:
-                sprung.append((at.start, rate.start, joint.stiffness, joint.rest))
+    def _joint_springs(self) -> tuple[tuple[Array, Array, Array] | None, Array]:
+        """Return of joints with springs places, rates' places and stiffness; and rest positions."""
+        tree = self.tree
+        sprung = [
+            (
+                tree.position_slice(k).start,
+                tree.velocity_slice(k).start,
+                joint.stiffness,
+                joint.rest,
+            )
+            for k, joint in enumerate(tree.joints)
+            if joint.stiffness
+        ]
         places, rates, stiffness, rest = np.array(sprung).reshape(-1, 4).T
-        laws = (places.astype(int), rates.astype(int), stiffness) if sprung else None
-        return effort, laws, rest
+        return (places.astype(int), rates.astype(int), stiffness) if sprung else None, rest
 
     def _add(self, scene: str, closure: Closure, pull: float) -> None:
         if closure.kind == "rod":
