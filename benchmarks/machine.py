@@ -80,10 +80,9 @@ def speed_line(facts: Mapping[str, object]) -> str:
 
 
 def _processor() -> str:
-    for line in (PROC / "cpuinfo").read_text(encoding="utf-8").splitlines():
-        if line.startswith("model name"):
-            return line.partition(":")[2].strip()
-    return platform.machine()
+    lines = (PROC / "cpuinfo").read_text(encoding="utf-8").splitlines()
+    names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(names, platform.machine())
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ import random
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +23,7 @@ import numpy as np
 import typer
 
 from benchmarks.children import ReportingProcess, finding_benchmarks, wait_until
-from benchmarks.haply.emulated import Emulator, Trace, emulated
+from benchmarks.haply.emulated import Emulator, Trace
 from benchmarks.machine import MachineResults, machine
 from benchmarks.push import WAY, time_alone
 from benchmarks.reliability.sample import DEVICE as WATCHED
@@ -89,7 +89,7 @@ class HaplyResults(MachineResults):
     NAME: ClassVar[str] = "bench_haply"
     FAULT: ClassVar[str] = "a limit was missed"
 
-    ends: dict[str, tuple[float, ...]]
+    ends: Mapping[str, Sequence[float]]
     frames: int
     escaped: int
     rate: float
@@ -135,7 +135,7 @@ class _Rig:
 
     def _serve(self, port: int) -> tuple[Emulator, Trace]:
         self._number += 1
-        path = self._folder / f"trace_{self._number}.csv"
+        path = self._folder / f"{self._scene.stem}_{self._number}.csv"
         return Emulator("--scene", str(self._scene), "--trace", str(path), port=port), Trace(path)
 
     def renew_service(self) -> None:
@@ -217,23 +217,18 @@ def _felt(scene: str, device: str, label: str, folder: Path, domain: int) -> Fel
     hand = f"hand={{kind: constant_wrench, force: [{numbers}], start_delay: {PUSH_AFTER_S}}}"
     path = folder / f"{scene}_{label.replace(' ', '_')}.yaml"
     copy_scene(scene, path, [f"device={device}", hand, "task=position"])
-    rows = folder / f"{path.stem}.csv"
-    with emulated("--scene", str(path), "--trace", str(rows)) as service:
-        parameters = {f"{DRIVER}.uri": service.uri}
-        environment = private_environment(domain)
-        with Graph(str(path), nodes=NODES, parameters=parameters, environment=environment):
-            trace = Trace(rows)
+    with closing(_Rig(path, folder, domain)) as rig:
 
-            def took() -> float:
-                """Return how long the push took for the way, s; zero as long as it has not."""
-                found = trace.look()
-                pushed = found[np.linalg.norm(found[:, 7:10], axis=1) > 0.5 * PUSH_N]
-                moved = (pushed[:, 1:4] - pushed[:1, 1:4]) @ push / PUSH_N
-                there = pushed[moved >= WAY, 0]
-                return float(there[0] - pushed[0, 0]) if there.size else 0.0
+        def took() -> float:
+            """Return how long the push took for the way, s; zero as long as it has not."""
+            found = rig.trace.look()
+            pushed = found[np.linalg.norm(found[:, 7:10], axis=1) > 0.5 * PUSH_N]
+            moved = (pushed[:, 1:4] - pushed[:1, 1:4]) @ push / PUSH_N
+            there = pushed[moved >= WAY, 0]
+            return float(there[0] - pushed[0, 0]) if there.size else 0.0
 
-            what = f"{scene} to move by {WAY:g} m through the driver"
-            taken = wait_until(took, PATIENCE_S, what, look_again_s=0.05)
+        what = f"{scene} to move by {WAY:g} m through the driver"
+        taken = wait_until(took, PATIENCE_S, what, look_again_s=0.05)
     return Felt(scene, label, (taken / alone) ** 2)
 
 
@@ -270,8 +265,7 @@ def run_benchmark(kills: int, frames: int, show: Show = silent, domain: int = 87
             for one in PUSHED
             for label, device in (("as assumed", "{preset: inverse3}"), ("no friction", ideal))
         )
-    found = {victim: tuple(of) for victim, of in ends.items()}
-    return HaplyResults(machine(), found, frames, escaped, rate, felt)
+    return HaplyResults(machine(), ends, frames, escaped, rate, felt)
 
 
 def haply(

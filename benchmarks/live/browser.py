@@ -127,9 +127,7 @@ class Connection:
         Raises:
             BenchError: it fails, or does not answer.
         """
-        number = next(self._numbers)
-        message = {"id": number, "method": method, "params": parameters}
-        self._socket.send(json.dumps(message))
+        number = self._send(method, params=parameters)
         with self._came:
             self._came.wait_for(
                 lambda: number in self._answers or self._end < float("inf"), PATIENCE_S
@@ -168,12 +166,14 @@ class Connection:
             if message.get("method") == "Target.attachedToTarget":
                 # A worker waits until it is watched.
                 session = message["params"]["sessionId"]
-                self._post("Network.enable", session)
-                self._post("Runtime.runIfWaitingForDebugger", session)
+                self._send("Network.enable", sessionId=session)
+                self._send("Runtime.runIfWaitingForDebugger", sessionId=session)
 
-    def _post(self, method: str, session: str) -> None:
-        message = {"id": next(self._numbers), "method": method, "sessionId": session}
-        self._socket.send(json.dumps(message))
+    def _send(self, method: str, **more: object) -> int:
+        """Send a call, and return its number."""
+        number = next(self._numbers)
+        self._socket.send(json.dumps({"id": number, "method": method, **more}))
+        return number
 
 
 class Page:

@@ -96,7 +96,6 @@ class Rig:
         self._clock = clock
         self._clean = clean
         self._composed = composed
-        self._stack = ExitStack()
         self._graphs: list[Graph] = []
         self.environment = {
             **finding_benchmarks(private_environment(domain)),
@@ -114,21 +113,20 @@ class Rig:
         """
         # Whoever comes first compiles the kernels, for most of a minute: not one of those watched.
         compile_ahead()
-        try:
-            folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory()))
+        with ExitStack() as stack:
+            self._stack = stack
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
             self.ring = Ring(folder / "ring", fresh=True)
             point = [POINT] if self._all_topics else []
             self.watch = self.start("watch", str(folder / "ring"), *point)
             if self._clock is not None:
                 environment = self._clock.environment(self.environment)
                 self.start("clock_source", f"{self.period_s}", environment=environment)
-            self._stack.callback(self._stop_graph)
+            stack.callback(self._stop_graph)
             begun = self.renew()
             if self._clean:
                 self._run_clean(begun)
-        except BaseException:
-            self._stack.close()
-            raise
+            self._stack = stack.pop_all()
         return self
 
     def __exit__(self, *error: object) -> None:

@@ -157,26 +157,25 @@ class SplitGraph(AbstractContextManager["SplitGraph"]):
         self._files = {name: folder / f"watch_{name}.npz" for name in watched}
         self._processes: dict[str, subprocess.Popen[str]] = {}
         self._watchers: dict[str, ReportingProcess] = {}
-        self._stack = ExitStack()
         environment = finding_benchmarks(private_environment(domain))
         # Namespaces are hosts: nothing of loopback only, and no network but the emulated one.
         environment.pop("FASTRTPS_DEFAULT_PROFILES_FILE", None)
         environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SUBNET"
         # rclpy and transports as the nodes have them.
         beside = {**environment, "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
-        try:
+        with ExitStack() as stack:
+            stack.callback(stop_processes, self._processes)
+            # They end first.
             for name, side in watched.items():
                 command = network.command(side, [*_WATCH, str(self._files[name]), name])
                 watcher = ReportingProcess(command, beside)
-                self._watchers[name] = self._stack.enter_context(watcher)
+                self._watchers[name] = stack.enter_context(watcher)
             for name, (side, words) in processes.items():
                 self._log(name).unlink(missing_ok=True)
                 with output_to(self._log(name)):
                     started = start_process(network.command(side, words), environment)
                 self._processes[name] = started
-        except BaseException:
-            self.stop()
-            raise
+            self._stack = stack.pop_all()
 
     def _log(self, name: str) -> FilePath:
         return self._folder / f"{name}.log"
@@ -214,7 +213,6 @@ class SplitGraph(AbstractContextManager["SplitGraph"]):
     def stop(self) -> None:
         """End every process, those that watch first."""
         self._stack.close()
-        stop_processes(self._processes)
 
     def watched(self) -> dict[str, Watched]:
         """End all, and return what the devices went through, by their namespaces.

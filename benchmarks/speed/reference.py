@@ -134,12 +134,12 @@ def write(names: Sequence[str] = (), path: Path = PATH) -> None:
         InvalidInputError: no such scene.
     """
     refuse_unknown("scene", names, [asked.name for asked in ASKED])
-    stored = {one["name"]: one for one in json.loads(path.read_text(encoding="utf-8"))["cases"]}
+    known = json.loads(path.read_text(encoding="utf-8"))["cases"]
+    stored: dict[str, dict[str, Any]] = {one["name"]: one for one in known}
 
     def entry(asked: Problem) -> dict[str, Any]:
         if names and asked.name not in names:
-            kept: dict[str, Any] = stored[asked.name]
-            return kept
+            return stored[asked.name]
         if asked.windows:
             ways = (parallelograms(asked.windows, asked.times, way[0]) for way in WAYS)
             values, apart = _agreed(asked.name, *ways)
