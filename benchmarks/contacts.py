@@ -8,15 +8,16 @@ round by round, so that what else the machine does is met by all of them alike.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+import typer
 
 from benchmarks.machine import cpu_times, machine, speed_line
 from benchmarks.speed.mujoco_peer import MujocoScene, at_start
 from benchmarks.speed.mujoco_peer import stepping as mj_stepping
+from hapticmech_ros.cli import run_app
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.scene import Scene, document_of, scene_from_document
 from hapticmech_ros.simulation import Simulator
@@ -119,11 +120,12 @@ def in_mujoco(scene: Scene) -> Callable[[], None]:
     return mj_stepping(model, data, STEPS)
 
 
-def main() -> None:
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command(help=__doc__)
+def contacts(rounds: Annotated[int, typer.Option(help="rounds that medians are of")] = 40) -> None:
     """Print a table, in µs a step."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rounds", type=int, default=40, help="rounds that medians are of")
-    rounds = parser.parse_args().rounds
     callers: dict[str, Callable[[], None]] = {}
     for substeps in (1, 4):
         pair, alone = out_of_reach("five_bar", substeps)
@@ -146,4 +148,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_app(app)

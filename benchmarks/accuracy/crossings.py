@@ -184,8 +184,7 @@ def _mechanisms() -> tuple[str, ...]:
 
 def error_after(windows: int, period: float) -> float:
     """Return how far the first tip of A02 is from its motion after ten seconds, m."""
-    scene = n_four_bar(windows)
-    simulator = Simulator(scene.stepped(period=period))
+    simulator = Simulator(n_four_bar(windows).stepped(period=period))
     end = simulator.run(simulator.initial_state(), round(UNTIL / period)).end
     tip = simulator.mechanism.frame_pose(end.q, "b0").translation[:2]
     return float(np.abs(tip - oracle("pendulum").windows(windows, [UNTIL])[0]).max())

@@ -91,8 +91,7 @@ class Plan:
     views_hz: tuple[float, ...] = (VIEW_HZ,)
 
     def __post_init__(self) -> None:
-        given = (self.rates_hz, self.layouts, self.recorded, self.transports, self.views_hz)
-        if not all(given):
+        if not all((self.rates_hz, self.layouts, self.recorded, self.transports, self.views_hz)):
             rule = "must have a rate, a layout, a transport, a view rate, and record or not"
             raise InvalidInputError("plan", self, rule)
         refuse_unknown("layout", self.layouts, LAYOUTS)

@@ -7,8 +7,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -60,14 +59,9 @@ class Emulator:
             self.process.stdout.close()
 
 
-@contextmanager
-def emulated(*arguments: str, port: int = 0) -> Iterator[Emulator]:
+def emulated(*arguments: str, port: int = 0) -> closing[Emulator]:
     """Run the service for as long as the block lasts."""
-    emulator = Emulator(*arguments, port=port)
-    try:
-        yield emulator
-    finally:
-        emulator.close()
+    return closing(Emulator(*arguments, port=port))
 
 
 class Trace:

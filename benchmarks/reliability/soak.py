@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -96,7 +96,7 @@ def run(quick: bool, out: Path) -> list[Figure]:
         BenchError: a node ended.
     """
     seconds = QUICK_SOAK_S if quick else SOAK_S
-    figures = growth("session", *session_held(seconds))
+    figures = [*growth("session", *session_held(seconds))]
     with Rig(out, "soak") as rig:
         rig.ready()
         found = render(rig, seconds, LOOKS)
@@ -123,8 +123,8 @@ def session_held(seconds: float, looks: int = LOOKS) -> tuple[list[float], list[
 
 def growth(
     process: str, times: Sequence[float], held: Sequence[Usage], what: str = ""
-) -> list[Figure]:
-    """Return by how much what a process holds has grown.
+) -> Iterator[Figure]:
+    """Yield by how much what a process holds has grown.
 
     Args:
         process: its name.
@@ -132,12 +132,11 @@ def growth(
         held: at these times.
         what: one kind alone; all if empty.
     """
-    figure, figures = figures_of(process, len(times)), []
+    figure = figures_of(process, len(times))
     for (kind, (scale, unit, most)), values in zip(
         KINDS.items(), zip(*held, strict=True), strict=True
     ):
         if what in ("", kind):
             note = f"{values[-1] / scale:.4g} {unit} at the end".replace("  ", " ")
             grew = grown(times, values) / scale
-            figures.append(figure(f"growth of {kind}", grew, unit, most=most, note=note))
-    return figures
+            yield figure(f"growth of {kind}", grew, unit, most=most, note=note)

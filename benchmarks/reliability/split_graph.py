@@ -168,8 +168,7 @@ class SplitGraph(AbstractContextManager["SplitGraph"]):
             # They end first.
             for name, side in watched.items():
                 command = network.command(side, [*_WATCH, str(self._files[name]), name])
-                watcher = ReportingProcess(command, beside)
-                self._watchers[name] = stack.enter_context(watcher)
+                self._watchers[name] = stack.enter_context(ReportingProcess(command, beside))
             for name, (side, words) in processes.items():
                 self._log(name).unlink(missing_ok=True)
                 with output_to(self._log(name)):

@@ -158,8 +158,7 @@ def ours(
 
     def make(mechanism: Mechanism, point: str, limits: Array) -> Law:
         scene = mechanism.scene.with_(f"perception={{s_on: {0.4 * s_off}, s_off: {s_off}}}")
-        law = OperationalLaw(Mechanism(scene), point, gains, torque_limits=limits)
-        return Ours(law)
+        return Ours(OperationalLaw(Mechanism(scene), point, gains, torque_limits=limits))
 
     return Setting(OURS, {"rate": found.law, "observer": found.observer}, make, found.observer)
 
@@ -182,8 +181,7 @@ def damped(rate: float, factor: float) -> Setting:
     gains = Gains(linear_rate=rate, angular_rate=rate)
 
     def make(mechanism: Mechanism, point: str, limits: Array) -> Law:
-        law = OperationalLaw(mechanism, point, gains, torque_limits=limits)
-        return DampedInverse(law, factor)
+        return DampedInverse(OperationalLaw(mechanism, point, gains, torque_limits=limits), factor)
 
     return Setting(DAMPED, {"rate": rate, "factor": factor}, make)
 

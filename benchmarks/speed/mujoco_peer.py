@@ -61,15 +61,9 @@ class _Mujoco:
         self._mujoco: Any = mujoco
         converted = MujocoScene(scene)
         spec, off = converted.spec, mujoco.mjtDisableBit
-        integrators = {
-            "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
-            "discrete": mujoco.mjtIntegrator.mjINT_DISCRETE,
-            "rk4": mujoco.mjtIntegrator.mjINT_RK4,
-        }
-        spec.option.integrator = integrators[method.name]
+        spec.option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{method.name.upper()}")
         spec.option.timestep, spec.option.tolerance = step, TOLERANCE
-        unwanted = (off.mjDSBL_REFSAFE, off.mjDSBL_ISLAND, off.mjDSBL_AUTORESET)
-        for bit in unwanted:
+        for bit in (off.mjDSBL_REFSAFE, off.mjDSBL_ISLAND, off.mjDSBL_AUTORESET):
             spec.option.disableflags |= int(bit)
         if setting.get(EXACT):
             spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_DIAGEXACT)

@@ -99,8 +99,7 @@ def _segment(
 
     def rates(_: float, y: Array) -> Array:
         theta, v = y[:size], y[size:]
-        q = pin.integrate(model, start.q, theta)
-        accel = dynamics.acceleration(q, v)
+        accel = dynamics.acceleration(pin.integrate(model, start.q, theta), v)
         return np.concatenate((local_rates(dynamics.tree, theta, v), accel))
 
     first = np.concatenate((np.zeros(size), start.v))

@@ -48,14 +48,12 @@ def sheets(
     goals: Sequence[Verdict],
 ) -> Iterator[Sheet]:
     """Yield the tables of what there is."""
-    if checks:
-        yield _equality(checks)
+    yield _equality(checks)
     if results:
         yield _costs(results)
         yield _runs(results)
-    if grown:
-        for sizes in dict.fromkeys(one.sizes for one in grown):
-            yield _growth([one for one in grown if one.sizes == sizes])
+    for sizes in dict.fromkeys(one.sizes for one in grown):
+        yield _growth([one for one in grown if one.sizes == sizes])
     if ticks:
         yield _ticks(ticks)
     if goals:
