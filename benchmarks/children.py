@@ -62,8 +62,7 @@ class ReportingProcess(AbstractContextManager["ReportingProcess"]):
 
     def check(self) -> None:
         """Raise BenchError if the process has ended by itself."""
-        code = self.process.poll()
-        if code is not None:
+        if (code := self.process.poll()) is not None:
             reasons = [str(event.get("reason")) for event in self.of("failed")]
             why = reasons[-1] if reasons else f"exit code {code}"
             raise BenchError(f"{self.name} ended by itself: {why}")

@@ -228,8 +228,8 @@ def descriptions(
                 outcomes.append(tried(collection, name, path))
                 print(outcomes[-1], flush=True)
     out.mkdir(parents=True, exist_ok=True)
-    text = json.dumps([asdict(one) for one in outcomes], indent=1)
-    (out / "descriptions.json").write_text(text, encoding="utf-8")
+    document = [asdict(one) for one in outcomes]
+    (out / "descriptions.json").write_text(json.dumps(document, indent=1), encoding="utf-8")
     (out / "descriptions.md").write_text(table(outcomes), encoding="utf-8")
     ran = sum(one.ran for one in outcomes)
     print(f"{ran} of {len(outcomes)} ran: {out / 'descriptions.md'}")

@@ -160,12 +160,11 @@ def cells(run: Run) -> tuple[str, ...]:
     step = step_text(run.step) + (" *" if run.own else "")
     if run.error is None or run.cpu_s_per_s is None or run.real_time is None:
         return (run.integrator, step, "failed", "", "", "", "", "")
-    energy = "" if run.energy_error is None else f"{run.energy_error:.1e}"
     return (
         run.integrator,
         step,
         f"{run.error:.1e}",
-        energy,
+        "" if run.energy_error is None else f"{run.energy_error:.1e}",
         f"{run.closure_error:.0e}" if run.rank else "",
         _ranks(run) if run.rank else "",
         f"{run.cpu_s_per_s:.3g}",

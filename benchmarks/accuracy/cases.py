@@ -55,7 +55,11 @@ class Output:
         Raises:
             InvalidInputError: the step does not divide a time.
         """
-        return [step_number(time, step) for time in self.times]
+        for time in self.times:
+            if not divides(step, time):
+                rule = f"must divide {time:g} s, where it is compared"
+                raise InvalidInputError("step", step, rule)
+        return [round(time / step) for time in self.times]
 
     def error(self, found: npt.ArrayLike) -> float:
         """Return the largest |found - values|, m or rad.
@@ -98,17 +102,6 @@ class Case:
     energy: float | None
     singular_times: tuple[float, ...]
     tags: frozenset[str]
-
-
-def step_number(time: float, step: float) -> int:
-    """Return the number of the step after which a time is reached, both in s.
-
-    Raises:
-        InvalidInputError: the step does not divide the time.
-    """
-    if not divides(step, time):
-        raise InvalidInputError("step", step, f"must divide {time:g} s, where it is compared")
-    return round(time / step)
 
 
 def divides(step: float, time: float) -> bool:

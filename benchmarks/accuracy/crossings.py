@@ -97,7 +97,9 @@ class Tally:
         else:
             kept = ("energy", "apart") if led else ("beside", "off")
             found |= dict(zip((*kept, "untold", "led"), (lost, apart, untold, led), strict=True))
-            well = max(lost, apart) <= ALLOWED if led else apart <= BRANCH * _travel(case)
+            # rad, of the motion in the steps after the crossing.
+            way = oracle("crossings").SPEED * oracle("crossings").AFTER * case.period
+            well = max(lost, apart) <= ALLOWED if led else apart <= BRANCH * way
             if not (well and untold <= ALLOWED):
                 found["bad"] = 1.0
                 told = f"{lost:.1e} of the energy, of it {untold:.1e} untold, {apart:.1e} off"
@@ -132,18 +134,11 @@ def merged(files: Sequence[Path]) -> Tally:
     whole = Tally()
     for path in files:
         found = Tally(**json.loads(path.read_text(encoding="utf-8")))
-        again = set(whole.seeds) & set(found.seeds)
-        if again:
+        if again := set(whole.seeds) & set(found.seeds):
             rule = f"{path} must have seeds that no other file has"
             raise InvalidInputError("seed", min(again), rule)
         whole.add(found)
     return whole
-
-
-def _travel(case: Case) -> float:
-    """Return how far a motion goes in the steps after the crossing, rad."""
-    found = oracle("crossings")
-    return float(found.SPEED * found.AFTER * case.period)
 
 
 def beyond(case: Case, distance: float) -> tuple[float, float, float, bool]:

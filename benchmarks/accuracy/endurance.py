@@ -151,5 +151,4 @@ def _look(
     """Return energy (J), rank, and the largest angle between joints at ``places`` (rad)."""
     rank = simulator.evaluate(state).space.rank
     energy = sum(simulator.mechanism.energy(state.q, state.v))
-    apart = float(np.ptp(state.q[places])) if places else 0.0
-    return energy, rank, apart
+    return energy, rank, float(np.ptp(state.q[places])) if places else 0.0

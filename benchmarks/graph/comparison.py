@@ -158,9 +158,8 @@ def _lost(found: Comparison) -> Verdict:
     )
     if not asked:
         return unknown(goal)
-    seen = f"{lost:.0f} of {asked:.0f} lost"
-    seen += f"; the recorder itself lost {unseen:.0f}" if unseen else ""
-    return verdict(goal, seen, lost == 0)
+    beside = f"; the recorder itself lost {unseen:.0f}" if unseen else ""
+    return verdict(goal, f"{lost:.0f} of {asked:.0f} lost{beside}", lost == 0)
 
 
 def _kept(found: Comparison) -> list[Verdict]:

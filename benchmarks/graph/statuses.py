@@ -119,8 +119,8 @@ def latency_of(hop: str, samples_us: Array) -> Figures:
 def latency_said(hop: str, figures: Mapping[str, float], name: str) -> Figures:
     """Return the percentiles ``<name>_p50_us`` and so on that a node gives; none without all."""
     values = [figures.get(f"{name}_{one}_us", 0.0) for one in PERCENTILES]
-    longest = values[-1]
     if 0.0 in values:
         return {}
     # A node counts in bins and says their upper edge, but its longest to the last digit.
-    return {latency(hop, one): min(x, longest) for one, x in zip(PERCENTILES, values, strict=True)}
+    known = zip(PERCENTILES, np.minimum(values, values[-1]).tolist(), strict=True)
+    return {latency(hop, one): x for one, x in known}

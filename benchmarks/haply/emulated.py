@@ -36,8 +36,7 @@ class Emulator:
             command, private_environment(), pipe_output=True
         )
         line = next_line(self.process, STARTS_WITHIN_S)
-        found = re.search(r"ws://127\.0\.0\.1:(\d+)", line or "")
-        if found is None:
+        if (found := re.search(r"ws://127\.0\.0\.1:(\d+)", line or "")) is None:
             stop_process(self.process)
             raise BenchError(f"the emulator does not start: {line!r}")
         self.port = int(found[1])

@@ -71,8 +71,7 @@ class Browser:
     """
 
     def __init__(self, folder: Path) -> None:
-        program = chromium()
-        if program is None:
+        if (program := chromium()) is None:
             raise BenchError("Chromium is not installed: apt install chromium")
         command = [program, *FLAGS, f"--user-data-dir={folder}", "about:blank"]
         self._process = subprocess.Popen(
@@ -285,8 +284,8 @@ class Page:
         """Return whether a pixel is not white."""
         clip = {"x": x, "y": y, "width": 1, "height": 1, "scale": 1}
         taken = self.connection.call("Page.captureScreenshot", format="png", clip=clip)
-        pixel = imread(io.BytesIO(base64.b64decode(taken["data"])))
-        return bool((pixel[..., :3] < 0.97).any())
+        picture = imread(io.BytesIO(base64.b64decode(taken["data"])))
+        return bool((picture[..., :3] < 0.97).any())
 
     def addresses(self) -> set[str]:
         """Return all addresses that were asked for, websockets included."""

@@ -102,8 +102,7 @@ def _machine(number: int, out: Path) -> list[Figure]:
 
 
 def _each_size(rig: Rig, clock: SteppedClock, sizes: Sequence[float], words: str) -> list[Figure]:
-    faults = ((words, partial(try_step, rig, clock, size, words)) for size in sizes)
-    return carried_out(rig, faults)
+    return carried_out(rig, ((words, partial(try_step, rig, clock, s, words)) for s in sizes))
 
 
 def _one_host(number: int, out: Path) -> list[Figure]:
@@ -122,9 +121,15 @@ def _one_host(number: int, out: Path) -> list[Figure]:
 
 
 def _simulated(number: int, out: Path) -> list[Figure]:
-    given = {"use_sim_time": True}
     with (
         _stepped("day") as (clock,),
-        Rig(out, "clocks_sim", parameters=given, clock=clock, composed=True, rate=RATE) as rig,
+        Rig(
+            out,
+            "clocks_sim",
+            parameters={"use_sim_time": True},
+            clock=clock,
+            composed=True,
+            rate=RATE,
+        ) as rig,
     ):
         return _each_size(rig, clock, steps(number, SIMULATED_STEPS_S), "/clock")

@@ -153,8 +153,7 @@ def _process(
 
 
 def _report(visitor: subprocess.Popen[str]) -> dict[str, Any]:
-    lines = [line for line in visitor.stdout or () if line.startswith("{")]
-    if not lines:
-        raise NoVisitError("a visitor ended without a report")
-    found: dict[str, Any] = json.loads(lines[-1])
-    return found
+    for line in visitor.stdout or ():
+        if line.startswith("{"):
+            return dict[str, Any](json.loads(line))
+    raise NoVisitError("a visitor ended without a report")

@@ -17,6 +17,7 @@ from rclpy.serialization import serialize_message
 
 from benchmarks.reliability.outputs import Outputs
 from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.actor import Actor, ClockedActor
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.haptic_device import HapticDevice
@@ -233,7 +234,7 @@ class FakeGraph:
         self.exchange = Exchange()
         self.subscriptions: dict[str, list[Subscription]] = defaultdict(list)
         self.pushing = tuple(pushing)
-        self.seen = Outputs()
+        self.seen = Outputs(load_scene(scene).device)
         self.last: dict[str, Any] = {}
         self._numbers: dict[str, int] = defaultdict(int)
         self._waiting: deque[tuple[Subscription, bytes, int]] = deque()
@@ -242,9 +243,8 @@ class FakeGraph:
             host = self.hosts[kind.name] = Host(self, kind.name)
             given: dict[str, Any] = {"scene": scene, **(parameters or {}).get(kind.name, {})}
             host.actor = kind(host, kind.parameters_type(**given))
-        scene_of_first = next(iter(self.hosts.values())).actor.scene
-        self.seen.device = scene_of_first.device
-        self.period_ns = scene_of_first.simulation.period * 1e9
+        first = next(iter(self.hosts.values())).actor
+        self.period_ns = first.scene.simulation.period * 1e9
         for host in self.hosts.values():
             host.begin()
 
@@ -282,8 +282,7 @@ class FakeGraph:
         """Look at what an actor sends, and bring it to those who hear the topic."""
         self.seen.look(topic, kind, message)
         self.last[topic] = message
-        received = list(self.subscriptions.get(topic, ()))
-        if received:
+        if received := list(self.subscriptions.get(topic, ())):
             given = message if isinstance(message, bytes) else serialize_message(message)
             self._waiting += [(one, given, 0) for one in received]
 

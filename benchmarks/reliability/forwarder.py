@@ -97,8 +97,7 @@ def forward(ends: tuple[str, str], seed: int = 1) -> None:
         timeout = max(waiting[0][0] - now, 0.0) if waiting else None
         for source in select.select(received, (), (), timeout)[0]:
             if not isinstance(source, socket.socket):
-                more = os.read(source, 1 << 16)
-                if not more:
+                if not (more := os.read(source, 1 << 16)):
                     return
                 *lines, text = (text + more).split(b"\n")
                 for line in lines:
@@ -113,8 +112,7 @@ def forward(ends: tuple[str, str], seed: int = 1) -> None:
                     frame = source.recv(LARGEST_FRAME)
                 except BlockingIOError:
                     break
-                late = way.late(draw)
-                if late is not None:
+                if (late := way.late(draw)) is not None:
                     number += 1
                     heapq.heappush(waiting, (time.monotonic() + late, number, way.target, frame))
 

@@ -140,8 +140,7 @@ class Trial:
         return told + [f"  {example}" for example in self._examples[:20]]
 
     def _put(self, topic: str, kind: Any) -> None:
-        sample = self._samples.get(topic, b"")
-        message = self._hostile.message(kind, sample, self.graph.now_ns)
+        message = self._hostile.message(kind, self._samples.get(topic, b""), self.graph.now_ns)
         self._timed(lambda: self.graph.put(topic, message))
         self.sent += 1
 

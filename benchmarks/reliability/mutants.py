@@ -90,8 +90,7 @@ def _mild(data: bytearray, chance: random.Random) -> None:
 
 
 def _word(data: bytearray, chance: random.Random) -> None:
-    words = WORD.findall(bytes(data[:100_000]))
-    if words:
+    if words := WORD.findall(bytes(data[:100_000])):
         _replaced(data, chance, WORD, chance.choice(words) * chance.choice((1, 1, 1, 60)))
 
 
@@ -111,8 +110,7 @@ def _bomb(data: bytearray, chance: random.Random) -> None:
 def _replaced(
     data: bytearray, chance: random.Random, pattern: re.Pattern[bytes], by: bytes
 ) -> None:
-    found = list(pattern.finditer(bytes(data[:100_000])))
-    if found:
+    if found := list(pattern.finditer(bytes(data[:100_000]))):
         one = chance.choice(found)
         data[one.start() : one.end()] = by
 

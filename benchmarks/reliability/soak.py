@@ -75,8 +75,7 @@ def render(rig: Rig, seconds: float, looks: int) -> Rendered:
         for node in NODES:
             held[node].append(usage(rig.pid(node)))
         time.sleep(seconds / looks)
-        count, found = rig.ring.count, rig.samples(before)
-        before = count
+        before, found = rig.ring.count, rig.samples(before)
         if len(found):
             on = np.concatenate(([rendering], pushing(found)))
             rendering = bool(on[-1])

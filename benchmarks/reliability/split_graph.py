@@ -202,8 +202,7 @@ class SplitGraph(AbstractContextManager["SplitGraph"]):
         Raises:
             RuntimeError: it has started nothing.
         """
-        started = psutil.Process(self._processes[name].pid).children()
-        if not started:
+        if not (started := psutil.Process(self._processes[name].pid).children()):
             raise RuntimeError(f"{name} has started nothing")
         for process in started:
             process.kill()

@@ -92,8 +92,7 @@ class GraphWatch(Node):
 
     def _count(self) -> None:
         for topic, before in self._counted.items():
-            count = self.count_publishers(topic)
-            if count != before:
+            if (count := self.count_publishers(topic)) != before:
                 self._counted[topic] = count
                 _tell("publishers", topic=topic, count=count, fewer=count < before)
 
@@ -135,5 +134,4 @@ if __name__ == "__main__":
     wake_up_in_time()
     gc.collect()
     gc.freeze()
-    kept = Ring(Path(sys.argv[1]))
-    sys.exit(watch(lambda: GraphWatch(kept, *sys.argv[2:]), []))
+    sys.exit(watch(lambda: GraphWatch(Ring(Path(sys.argv[1])), *sys.argv[2:]), []))

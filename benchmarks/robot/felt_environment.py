@@ -190,9 +190,7 @@ def felt_environment(
     given = samples_of(force)
     pushed, desired = (_steady(times, one, frequencies, window)[1] for one in (given, own))
     s = 2.0j * np.pi * frequencies
-    stiff = environment.dynamic_stiffness(s)
-    mechanism = pushed / desired
-    reference = mechanism + stiff / s
+    reference = pushed / desired + environment.dynamic_stiffness(s) / s
     felt = np.full(frequencies.size, complex(np.nan, np.nan))
     if np.isfinite(velocity).all():
         before, after = _steady(times, velocity, frequencies, window)
@@ -307,8 +305,8 @@ def device_twists(setup: Setup, robot: RobotInEnvironment, pushes: Array, delay:
     """
     period, periods = setup.scene.simulation.period, len(pushes) // ROWS
     with scripted(fine_times(period, periods), pushes) as hand:
-        scene = setup.scene.model_copy(update={"hand": hand})
-        session = replace(setup, scene=scene).session()
+        held = setup.scene.model_copy(update={"hand": hand})
+        session = replace(setup, scene=held).session()
     there: deque[PointKinematics] = deque(maxlen=delay + 1)
     back = deque([np.zeros(6)] * (delay + 1), maxlen=delay + 1)
     twists = np.empty((periods, 6))

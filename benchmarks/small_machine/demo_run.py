@@ -79,8 +79,7 @@ def hapticmech() -> str:
         BenchError: it is not installed.
     """
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
-    command = shutil.which("hapticmech", path=path)
-    if command is None:
+    if (command := shutil.which("hapticmech", path=path)) is None:
         raise BenchError("hapticmech is not installed: make .venv/package")
     return command
 
@@ -102,8 +101,7 @@ def watch_demo(command: Sequence[str], out: Path, limit_s: float) -> DemoRun:
         process = start_process(command, os.environ)
     failures: list[str] = []
     try:
-        code = process.wait(limit_s)
-        if code != 0:
+        if code := process.wait(limit_s):
             failures.append(f"exit code {code}" if code > 0 else f"ended by signal {-code}")
     except subprocess.TimeoutExpired:
         failures.append(f"not done within {limit_s:g} s")
@@ -139,6 +137,5 @@ def faults(summary: Mapping[str, Any]) -> Iterator[str]:
             yield f"force with {held['count']} constraints: {gains}"
     for body in ("device", "point"):
         for unit, most in (("mm", POSITION_MM), ("deg", ROTATION_DEG)):
-            apart = agreement[f"{body}_deviation_max_{unit}"]
-            if not apart < most:
+            if not (apart := agreement[f"{body}_deviation_max_{unit}"]) < most:
                 yield f"{body}: {apart:.2g} {unit} {APART}"

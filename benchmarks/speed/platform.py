@@ -45,7 +45,18 @@ def stewart_platform(legs: int = LEGS) -> Scene:
 def _document(name: str, legs: int) -> dict[str, Any]:
     feet = _ring(legs, BASE_RADIUS, BASE_HALF_ANGLE, 0.0)
     heads = _ring(legs, TOP_RADIUS, TOP_HALF_ANGLE, HEIGHT)
-    links: list[dict[str, Any]] = [_platform()]
+    disc = 0.25 * PLATFORM_MASS * TOP_RADIUS**2
+    links: list[dict[str, Any]] = [
+        {
+            "name": "platform",
+            "joint": {"name": "platform", "type": "free"},
+            "inertial": {
+                "mass": PLATFORM_MASS,
+                "com": [0.0, 0.0, 0.02],
+                "inertia": {"ixx": disc, "iyy": disc, "izz": 2.0 * disc},
+            },
+        }
+    ]
     closures, q = [], {"platform": [0.0, 0.0, HEIGHT, 0.0, 0.0, 0.0, 1.0]}
     for leg, (foot, head) in enumerate(zip(feet, heads, strict=True)):
         along = head - foot
@@ -88,19 +99,6 @@ def _ring(legs: int, radius: float, half_angle: float, height: float) -> list[Ar
     angles = [a * apart + s * half_angle * closer for a in range(legs // 2) for s in (-1.0, 1.0)]
     turns = [radians(angle) for angle in angles]
     return [np.array([radius * cos(t), radius * sin(t), height]) for t in turns]
-
-
-def _platform() -> dict[str, Any]:
-    disc = 0.25 * PLATFORM_MASS * TOP_RADIUS**2
-    return {
-        "name": "platform",
-        "joint": {"name": "platform", "type": "free"},
-        "inertial": {
-            "mass": PLATFORM_MASS,
-            "com": [0.0, 0.0, 0.02],
-            "inertia": {"ixx": disc, "iyy": disc, "izz": 2.0 * disc},
-        },
-    }
 
 
 def _leg(leg: int, foot: Array, length: float, share: float) -> list[dict[str, Any]]:

@@ -68,11 +68,6 @@ class Problem:
             for name, own in zip(self.compared, values, strict=True)
         )
 
-    @property
-    def length_unit(self) -> str:
-        """Of errors: m or rad."""
-        return "m" if self.kind == "point" else "rad"
-
     def shortened(self) -> Problem:
         """Return the problem up to the first time of comparison."""
         return replace(self, times=self.times[:1], values=tuple(one[:1] for one in self.values))

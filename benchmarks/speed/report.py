@@ -160,7 +160,7 @@ def drawn(results: Sequence[RunResult], known: Sequence[Problem]) -> Figure:
             axes.axhline(target, color=GREY, linestyle=":", linewidth=1.0, zorder=1)
         for peer in dict.fromkeys(result.peer for result in members):
             _curve(axes, [result for result in members if result.peer == peer], *looks[peer])
-        finish(axes, problem.length_unit)
+        finish(axes, "m" if problem.kind == "point" else "rad")
     return figure
 
 

@@ -116,8 +116,7 @@ def _times(
 ) -> dict[tuple[str, str], float]:
     start, ready = initial_state(scene), {}
     for peer, method in racers:
-        setting = method.settings_for(scene)[-1]
-        contender = peer.contender(scene, start, method, STEP, setting)
+        contender = peer.contender(scene, start, method, STEP, method.settings_for(scene)[-1])
         warm_up(contender)
         cost_s = max(timed(contender, 5) / 5, 1e-7)
         # So few that no motion is lost, whatever the setting.
