@@ -104,13 +104,11 @@ def in_mujoco(scene: Scene) -> Callable[[], None]:
     spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     # Declared pairs alone: what is in the world against what moves.
     for shape in scene.shapes:
-        if shape.link == "world":
-            kind, size = mujoco.mjtGeom.mjGEOM_PLANE, [0.0, 0.0, 1.0]
-        else:
-            kind, size = mujoco.mjtGeom.mjGEOM_BOX, [0.5 * SIZE] * 3
-        body = spec.worldbody if shape.link == "world" else spec.body(shape.link)
-        still = int(shape.link == "world")
-        body.add_geom(type=kind, size=size, contype=still, conaffinity=1 - still, mass=0.0)
+        still = shape.link == "world"
+        floor = spec.worldbody, mujoco.mjtGeom.mjGEOM_PLANE, [0.0, 0.0, 1.0]
+        box = spec.body(shape.link), mujoco.mjtGeom.mjGEOM_BOX, [0.5 * SIZE] * 3
+        body, kind, size = floor if still else box
+        body.add_geom(type=kind, size=size, contype=still, conaffinity=not still, mass=0.0)
     model, data = at_start(converted, bare)
     for _ in range(BEFORE):
         mujoco.mj_step(model, data)

@@ -209,8 +209,12 @@ def table(outcomes: Sequence[Outcome]) -> str:
             became = f"ran; {became}" if became else "ran"
         file, freedoms = f"`{one.file}`", f"{one.freedoms or '-'}"
         rows.append((one.collection, file, freedoms, became, number(one.difference, ".0e")))
-    headings = ("collection", "file", "freedoms", "became", "kinetic energy differs by")
-    return Sheet("descriptions", headings, tuple(rows), ("file", "became")).markdown()
+    return Sheet(
+        "descriptions",
+        ("collection", "file", "freedoms", "became", "kinetic energy differs by"),
+        tuple(rows),
+        ("file", "became"),
+    ).markdown()
 
 
 @app.command()
@@ -228,8 +232,8 @@ def descriptions(
                 outcomes.append(tried(collection, name, path))
                 print(outcomes[-1], flush=True)
     out.mkdir(parents=True, exist_ok=True)
-    document = [asdict(one) for one in outcomes]
-    (out / "descriptions.json").write_text(json.dumps(document, indent=1), encoding="utf-8")
+    text = json.dumps([asdict(one) for one in outcomes], indent=1)
+    (out / "descriptions.json").write_text(text, encoding="utf-8")
     (out / "descriptions.md").write_text(table(outcomes), encoding="utf-8")
     ran = sum(one.ran for one in outcomes)
     print(f"{ran} of {len(outcomes)} ran: {out / 'descriptions.md'}")

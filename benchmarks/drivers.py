@@ -150,8 +150,8 @@ class _Trial:
             place = told[OperationalModelMessage.layout.slice("position")]
             away = place - self._body.pose.translation
             apart = max(apart, float(np.linalg.norm(away[:2])))
-        needed = self._time - since
-        return Felt(self._kind.name, engaged, drift, (needed / time_alone(SCENE, PUSH)) ** 2, apart)
+        ratio = (self._time - since) / time_alone(SCENE, PUSH)
+        return Felt(self._kind.name, engaged, drift, ratio**2, apart)
 
     @property
     def _time(self) -> float:
@@ -207,8 +207,10 @@ class _Trial:
 
 def table(found: Sequence[Felt]) -> str:
     """Return what was felt as a table for a document."""
-    headings = ("driver", "engaged after, ms", "drift in 1 s, µm")
-    further = ("felt inertia / the mechanism's own", "device and point apart, mm")
+    headings = (
+        *("driver", "engaged after, ms", "drift in 1 s, µm"),
+        *("felt inertia / the mechanism's own", "device and point apart, mm"),
+    )
     rows = (
         (
             one.kind,
@@ -219,7 +221,7 @@ def table(found: Sequence[Felt]) -> str:
         )
         for one in found
     )
-    return Sheet("what is felt", (*headings, *further), tuple(rows)).markdown()
+    return Sheet("what is felt", headings, tuple(rows)).markdown()
 
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)

@@ -98,8 +98,10 @@ class MachineResults(Results):
     def notes(self) -> list[str]:
         """Return what the machine is, in a line, and how fast, in another."""
         known = {name: value for name, value in self.machine.items() if not name.endswith("_us")}
-        about = ", ".join(f"{name} {value}" for name, value in known.items())
-        return [about, speed_line(self.machine)]
+        return [
+            ", ".join(f"{name} {value}" for name, value in known.items()),
+            speed_line(self.machine),
+        ]
 
     def markdown(self) -> str:
         """Return the tables for a document, and below them how fast the machine was."""

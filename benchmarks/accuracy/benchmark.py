@@ -150,8 +150,7 @@ def accuracy(
     if long:
         carry_out(endurance, out, json_only)
         return
-    multiples = numbers("--steps", steps, float)
-    chosen = settings(words(names), words(integrators), multiples, quick)
+    chosen = settings(words(names), words(integrators), numbers("--steps", steps, float), quick)
     carry_out(lambda show: run_accuracy(chosen, show), out, json_only, figure)
 
 
@@ -178,10 +177,9 @@ def step_text(step: float) -> str:
 
 
 def _ranks(run: Run) -> str:
-    text = f"{run.rank_changes}"
-    if run.singular_times:
-        text += f"/{run.singular_times}"
-    return f"{text}, {run.unexpected_ranks} elsewhere" if run.unexpected_ranks else text
+    passed = f"/{run.singular_times}" if run.singular_times else ""
+    elsewhere = f", {run.unexpected_ranks} elsewhere" if run.unexpected_ranks else ""
+    return f"{run.rank_changes}{passed}{elsewhere}"
 
 
 def _marked(run: Run) -> tuple[str, ...]:

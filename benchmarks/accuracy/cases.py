@@ -121,14 +121,13 @@ def cases() -> tuple[Case, ...]:
 
 
 def _case(entry: Mapping[str, Any]) -> Case:
-    name = entry["name"]
-    windows = entry.get("windows")
-    path = _FOLDER / "scenes" / f"{name}.yaml"
+    own = "windows" not in entry
+    path = _FOLDER / "scenes" / f"{entry['name']}.yaml"
     return Case(
-        name=name,
+        name=entry["name"],
         problem=entry["problem"],
         title=entry["title"],
-        scene=load_scene(path) if windows is None else n_four_bar(windows),
+        scene=load_scene(path) if own else n_four_bar(entry["windows"]),
         duration=entry["duration"],
         outputs=tuple(_output(output) for output in entry["outputs"]),
         energy=entry.get("energy"),

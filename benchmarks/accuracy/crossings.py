@@ -239,9 +239,11 @@ def _table(tally: Tally) -> Sheet:
         count, led, *ends = (f"{found.get(key, 0.0):.0f}" for key in COUNTED)
         worst = (f"{found.get(key, np.nan):.1e}" for key in WORST)
         rows.append((name, count, led, *worst, *ends))
-    care = ("mechanism", "crossings", "with care", "energy, worst", "configuration, worst")
-    others = ("others: energy", "configuration", "not told", "bad", "raised")
-    return Sheet("crossings", (*care, *others), tuple(rows))
+    headings = (
+        *("mechanism", "crossings", "with care", "energy, worst", "configuration, worst"),
+        *("others: energy", "configuration", "not told", "bad", "raised"),
+    )
+    return Sheet("crossings", headings, tuple(rows))
 
 
 def _write_windows(out: Path) -> None:

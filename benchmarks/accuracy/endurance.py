@@ -87,9 +87,11 @@ class LongRuns(MachineResults):
             )
             for run in self.runs
         )
-        headings = ("scene", "simulated", "energy rises, J", "falls, J", "closures open")
-        further = ("ranks", "uprights apart, rad", "CPU, s/s", "failed")
-        yield Sheet("long runs", (*headings, *further), rows, ("failed",))
+        headings = (
+            *("scene", "simulated", "energy rises, J", "falls, J", "closures open"),
+            *("ranks", "uprights apart, rad", "CPU, s/s", "failed"),
+        )
+        yield Sheet("long runs", headings, rows, ("failed",))
 
 
 def endurance(show: Show = silent) -> LongRuns:

@@ -73,9 +73,8 @@ class Solution:
 
     def results(self) -> str:
         """Return the results file: a heading, then rows of numbers with tabs between them."""
-        lines = ["\t".join(self.columns)]
-        lines += ["\t".join(f"{number:.10e}" for number in row) for row in self.rows.tolist()]
-        return "\n".join(lines) + "\n"
+        rows = ("\t".join(f"{number:.10e}" for number in row) for row in self.rows.tolist())
+        return "\n".join(["\t".join(self.columns), *rows]) + "\n"
 
     def form(self) -> str:
         """Return what the form asks for, in Markdown."""

@@ -84,8 +84,12 @@ class Comparison:
             rows.append(("same topics and sizes", judged(self.alike.seen, self.alike.held)))
         rows += [("check failed", judged(failure, False)) for failure in self.real.failures]
         rows += [("check failed", "", judged(failure, False)) for failure in self.bare.failures]
-        headings = ("", "real", "bare", "real / bare")
-        return Sheet(str(self.configuration), headings, tuple(rows), ("real", "bare"))
+        return Sheet(
+            str(self.configuration),
+            ("", "real", "bare", "real / bare"),
+            tuple(rows),
+            ("real", "bare"),
+        )
 
 
 def _cell(value: float | None) -> str:

@@ -41,8 +41,10 @@ SPEAKS_WITHIN_S = 6.0
 PROBE = [sys.executable, "-m", "benchmarks.graph.graph_probe"]
 BARE = [sys.executable, "-m", "benchmarks.graph.bare_node"]
 # Records every topic until it is ended; tells ``ready`` once it listens.
-RECORDER = [sys.executable, "-m", "hapticmech_ros.nodes.recorder", "--duration", "1e6"]
-RECORDER += ["--start-timeout", "1e6"]
+RECORDER = [
+    *(sys.executable, "-m", "hapticmech_ros.nodes.recorder"),
+    *("--duration", "1e6", "--start-timeout", "1e6"),
+]
 # Name of a figure: processor time that the host of a virtual machine gave to others.
 STOLEN = "stolen by the host, %"
 
@@ -203,12 +205,8 @@ class BareGraph(Graph):
         self.processes = {}
         self._readiness = Readiness()
         arguments = ros_arguments({"scene": scene, "view_rate": view_hz})
-        try:
-            for group in [",".join(NODES)] if composed else list(NODES):
-                self.processes[group] = start_process([*BARE, group, *arguments], environment)
-        except BaseException:
-            self.stop()
-            raise
+        for group in [",".join(NODES)] if composed else list(NODES):
+            self.processes[group] = start_process([*BARE, group, *arguments], environment)
 
 
 def start_graph(step: Step, scene: str, environment: Mapping[str, str]) -> Graph:

@@ -91,13 +91,13 @@ def said(ends: Ends) -> Figures:
     found: Figures = {}
     for node in (DEVICE, MECHANISM):
         periods, missed = (gained(ends[node], one) for one in ("periods", "missed_deadlines"))
-        rate = rate_hz(ends[node], "periods") - rate_hz(ends[node], "missed_deadlines")
-        found[f"{node}: {RATE}"] = rate
+        made_hz, missed_hz = (rate_hz(ends[node], one) for one in ("periods", "missed_deadlines"))
+        found[f"{node}: {RATE}"] = made_hz - missed_hz
         found[f"{node}: {MISSED}"] = 100.0 * missed / periods if periods else 100.0
         found[f"{node}: {DROPPED}"] = gained(ends[node], "dropped_periods")
     for node, (counter, asking) in ANSWERS.items():
-        share = rate_hz(ends[node], counter) / max(found[f"{asking}: {RATE}"], 1e-9)
-        found[f"{node}: samples answered, %"] = 100.0 * share
+        asked_hz = max(found[f"{asking}: {RATE}"], 1e-9)
+        found[f"{node}: samples answered, %"] = 100.0 * rate_hz(ends[node], counter) / asked_hz
     for hop, (node, name) in SAID_HOPS.items():
         found |= latency_said(hop, ends[node][1].figures, name)
     return found

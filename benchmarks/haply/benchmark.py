@@ -252,8 +252,8 @@ def run_benchmark(kills: int, frames: int, show: Show = silent, domain: int = 87
             rig.wait_for_force()
             before, begun = rig.ring.count, time.monotonic()
             time.sleep(5.0)
-            received = int((rig.ring.since(before)["topic"] == WATCHED).sum())
-            rate = received / (time.monotonic() - begun)
+            received = rig.ring.since(before)["topic"] == WATCHED
+            rate = float(received.sum()) / (time.monotonic() - begun)
             show(f"{rate:.1f} samples/s")
             for number in range(kills):
                 for victim in VICTIMS:

@@ -30,10 +30,9 @@ class Emulator:
     """
 
     def __init__(self, *arguments: str, port: int = 0) -> None:
-        command = [sys.executable, "-m", "hapticmech_ros", "device", "emulate", "inverse3"]
-        command += ["--port", str(port), *arguments]
+        emulate = [sys.executable, "-m", "hapticmech_ros", "device", "emulate", "inverse3"]
         self.process: subprocess.Popen[str] = start_process(
-            command, private_environment(), pipe_output=True
+            [*emulate, "--port", str(port), *arguments], private_environment(), pipe_output=True
         )
         line = next_line(self.process, STARTS_WITHIN_S)
         if (found := re.search(r"ws://127\.0\.0\.1:(\d+)", line or "")) is None:

@@ -23,6 +23,7 @@ from websockets.sync.client import connect
 
 from benchmarks import children
 from benchmarks.children import BenchError
+from hapticmech_ros.graph.processes import stop_process
 
 Found = TypeVar("Found")
 
@@ -75,7 +76,7 @@ class Browser:
             raise BenchError("Chromium is not installed: apt install chromium")
         command = [program, *FLAGS, f"--user-data-dir={folder}", "about:blank"]
         self._process = subprocess.Popen(
-            command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+            command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, text=True
         )
         told = folder / "DevToolsActivePort"
 
@@ -99,12 +100,7 @@ class Browser:
         """End it."""
         for page in self._pages:
             page.connection.close()
-        self._process.terminate()
-        try:
-            self._process.wait(20.0)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+        stop_process(self._process)
 
 
 class Connection:

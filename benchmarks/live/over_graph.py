@@ -57,8 +57,8 @@ class _Forces(Stranger):
 def running(scene: str, folder: Path) -> Iterator[tuple[str, _Forces]]:
     """Run a graph with a page, and yield its address and what is heard of its forces."""
     environment = private_environment(73)
-    command = [sys.executable, "-m", "hapticmech_ros", "run", scene, "--live"]
-    command += ["-p", "haptic_device.hand=commanded", "-p", f"live_page.port={PORT}"]
+    settings = ("-p", "haptic_device.hand=commanded", "-p", f"live_page.port={PORT}")
+    command = [sys.executable, "-m", "hapticmech_ros", "run", scene, "--live", *settings]
     output = folder / "graph.log"
     with output.open("w") as stream:
         process = subprocess.Popen(

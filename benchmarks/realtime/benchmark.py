@@ -107,14 +107,21 @@ class RealtimeResults(MachineResults):
                     *(f"{1e3 * one:.0f}" for one in (usual, longest)),
                 )
             )
-        headings = ("busy programs", "realtime", "sound", "p50", "p99", "max", "missed, %")
+        headings = (
+            *("busy programs", "realtime", "sound", "p50", "p99", "max", "missed, %"),
+            *("command", "longest"),
+        )
         caption = (
             f"medians of runs of {self.seconds:g} s; sample to answer, µs; deadlines missed by the "
             "device; ms that starting a program takes, median and longest"
         )
         beside = ", and a recorder" if self.recorded else ""
-        title = f"{SCENE} at {RATE_HZ:g} Hz in four processes{beside}"
-        yield Sheet(title, (*headings, "command", "longest"), tuple(rows), caption=caption)
+        yield Sheet(
+            f"{SCENE} at {RATE_HZ:g} Hz in four processes{beside}",
+            headings,
+            tuple(rows),
+            caption=caption,
+        )
 
 
 def run_benchmark(
@@ -145,8 +152,9 @@ def run_benchmark(
         for repeat in range(1, repeats + 1):
             for way, settings in WAYS.items():
                 show(f"{busy} busy programs, realtime {way}: run {repeat} of {repeats}")
-                given = tuple((settings or {}).items())
-                configuration = Configuration(RATE_HZ, "separate", recorded, settings=given)
+                configuration = Configuration(
+                    RATE_HZ, "separate", recorded, settings=tuple((settings or {}).items())
+                )
                 with _beside(busy) as commands:
                     step = Step(configuration, repeat, "bare" if settings is None else "real")
                     run = measure(step, place, point, seconds, out, session)

@@ -161,8 +161,12 @@ def grown(kind: str, before: Mapping[int, float], after: Mapping[int, float]) ->
         after: the same after them.
     """
     ratios = [after[one] / before[one] for one in before if one in after]
-    name = f"{kind}: processor time of nodes that stayed, largest, of before"
-    return Figure(name, max(ratios, default=math.nan), "", MOST_GROWN, None, len(ratios))
+    return Figure(
+        f"{kind}: processor time of nodes that stayed, largest, of before",
+        max(ratios, default=math.nan),
+        most=MOST_GROWN,
+        trials=len(ratios),
+    )
 
 
 def try_double(rig: Rig, kind: Kind, before: bool, killed: bool = False) -> Trial:
@@ -274,9 +278,12 @@ def _to_the_device(firsts: Sequence[int], received_ns: np.ndarray) -> int | None
 
 def _cause(rig: Rig, kind: Kind, since: int, asked_ns: int, first_ns: int | None) -> int:
     """Return when the newcomer was first heard; if never, when force ended, or it was asked."""
-    logs = [event for event in rig.said(asked_ns) if event["by"] == "log"]
     # The middleware may not know the newcomer's name yet.
-    told = [event["at_ns"] - LOGGED_NS for event in logs if SECOND in event["text"]]
+    told = [
+        event["at_ns"] - LOGGED_NS
+        for event in rig.said(asked_ns)
+        if event["by"] == "log" and SECOND in event["text"]
+    ]
     found = rig.samples(since, *kind.outputs)
     found = found[found["arrived_ns"] > asked_ns]
     return first_heard(first_ns, told, found["arrived_ns"], pushing(found), asked_ns)

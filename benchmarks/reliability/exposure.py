@@ -81,13 +81,14 @@ def visit(log: Path, seconds: float, *options: str) -> Visit:
             # Until it is there, as its own host sees it.
             _wait_for_graph(network)
             here = network.command(DEVICE, [*VISITOR, str(seconds + 2.0)])
+            meddle = network.command(REST, [*VISITOR, str(seconds), "--meddle"])
             # To whom it need not announce itself: he knows where to look.
             there = plain_environment(**{PEERS: ADDRESSES[DEVICE]})
-            with _process(here, plain_environment()) as onlooker:
-                meddle = network.command(REST, [*VISITOR, str(seconds), "--meddle"])
-                with _process(meddle, there) as meddler:
-                    seen_there = _report(meddler)
-                seen_here = _report(onlooker)
+            with (
+                _process(here, plain_environment()) as onlooker,
+                _process(meddle, there) as meddler,
+            ):
+                seen_there, seen_here = _report(meddler), _report(onlooker)
     return Visit(
         topics=len(seen_there["topics"]),
         pushes=len(seen_here["pushed_by"]),
@@ -130,8 +131,8 @@ def run(quick: bool, out: Path) -> list[Figure]:
 
 def _wait_for_graph(network: EmulatedNetwork) -> None:
     for _ in range(int(STARTS_WITHIN_S / 3.0)):
-        command = network.command(DEVICE, [*VISITOR, "3"])
-        with _process(command, plain_environment()) as onlooker:
+        look = network.command(DEVICE, [*VISITOR, "3"])
+        with _process(look, plain_environment()) as onlooker:
             if len(_report(onlooker)["topics"]) >= 10:
                 return
     raise NoVisitError(f"no graph to be seen on its own host within {STARTS_WITHIN_S:g} s")
@@ -142,8 +143,8 @@ def _process(
     command: list[str], environment: dict[str, str], told: Any = subprocess.PIPE
 ) -> Iterator[subprocess.Popen[str]]:
     """Run a process as a user would start it: nothing of its environment is chosen for it."""
-    error = subprocess.STDOUT if told is not subprocess.PIPE else None
-    process = subprocess.Popen(command, env=environment, stdout=told, stderr=error, text=True)
+    beside = None if told is subprocess.PIPE else subprocess.STDOUT
+    process = subprocess.Popen(command, env=environment, stdout=told, stderr=beside, text=True)
     try:
         yield process
     finally:

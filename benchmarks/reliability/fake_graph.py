@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any
 
@@ -53,11 +53,11 @@ class Subscription:
         return 1
 
 
+@dataclass
 class Log:
     """What a node says, by level."""
 
-    def __init__(self) -> None:
-        self.lines: list[tuple[str, str]] = []
+    lines: list[tuple[str, str]] = field(default_factory=list)
 
     def __getattr__(self, level: str) -> Callable[[str], None]:
         def say(text: str) -> None:
@@ -160,12 +160,7 @@ class Host:
         self, period_s: float, callback: Callable[[], None], is_due: Callable[[], bool]
     ) -> None:
         """Call back while active, where it is due."""
-
-        def when_due() -> None:
-            if is_due():
-                callback()
-
-        self.timers.append([period_s, 0, when_due])
+        self.timers.append([period_s, 0, callback, is_due])
 
     def end(self) -> None:
         """Deactivate."""
@@ -197,7 +192,8 @@ class Host:
         for timer in self.timers:
             if now_ns >= timer[1]:
                 timer[1] = now_ns + round(timer[0] * NANOSECONDS)
-                timer[2]()
+                if timer[3]():
+                    timer[2]()
         if isinstance(self.actor, ClockedActor):
             self.actor.act(now_ns)
         self.graph.deliver()

@@ -136,8 +136,10 @@ def _keep(tally: Tally, folder: Path, out: Path) -> None:
     found = {**tally.foreign, **tally.hangs, **tally.crashes}
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir(parents=True)
-    counts = {f"{kind} {what}": count for (kind, what), count in sorted(tally.outcomes.items())}
-    report = {"outcomes": counts, "found": {str(k): found[k] for k in sorted(found)}}
+    report = {
+        "outcomes": {f"{kind} {what}": n for (kind, what), n in sorted(tally.outcomes.items())},
+        "found": {str(k): found[k] for k in sorted(found)},
+    }
     (out / "report.json").write_text(json.dumps(report, indent=1), "utf-8")
     for number in sorted(found)[:200]:
         _, path = Mutants(folder, SEED).make(number)

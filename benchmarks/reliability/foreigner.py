@@ -81,8 +81,9 @@ class ForeignDriver(Foreigner):
         super().__init__("foreign_driver", kinds)
         place = self._messages[-1].pose.position
         place.x, place.y = PLACE
-        name = topics.DEVICE_COMMAND.name
-        self.create_subscription(WrenchStamped, name, lambda command: None, CONTROL_SUBSCRIBER)
+        self.create_subscription(
+            WrenchStamped, topics.DEVICE_COMMAND.name, lambda command: None, CONTROL_SUBSCRIBER
+        )
 
     def _refresh(self) -> None:
         stamp = self.get_clock().now().to_msg()

@@ -100,8 +100,7 @@ class Hostile:
         pose = kind.__name__ == "PoseStamped"
         values = rng.normal(size=POSE_NUMBERS if pose else SIX)
         if pose:
-            turn = values[3:]
-            values[3:] = turn / np.linalg.norm(turn) if rng.random() < 0.8 else 0.0
+            values[3:] *= 1.0 / np.linalg.norm(values[3:]) if rng.random() < 0.8 else 0.0
         values = self._changed(values)
         seconds, rest = divmod(now_ns, NANOSECONDS)
         if rng.random() < 0.25:

@@ -45,8 +45,8 @@ class MemoryGrowth:
     @property
     def mebi(self) -> float:
         """Growth after the first quarter, MiB; NaN of too few samples, or of the dead."""
-        few = len(self.sent) * (1.0 - WARM_UP_SHARE) < LEAST_SAMPLES + 1
-        known = not few and np.isfinite(self.resident).all()
+        enough = len(self.sent) * (1.0 - WARM_UP_SHARE) >= LEAST_SAMPLES + 1
+        known = enough and np.isfinite(self.resident).all()
         return grown(self.sent, self.resident) / MEBI if known else math.nan
 
     @property

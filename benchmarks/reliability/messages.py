@@ -54,8 +54,8 @@ def run_in_process(count: int, out: Path, scenes: Sequence[str] = SCENES) -> lis
     trials = [Trial(scene, seed) for seed, scene in enumerate(scenes, SEED)]
     for trial in trials:
         trial.send(-(-count // len(trials)))
-    lines = [line for trial in trials for line in trial.lines()]
-    (out / "messages_in_process.txt").write_text("\n".join(lines), "utf-8")
+    told = "\n".join(line for trial in trials for line in trial.lines())
+    (out / "messages_in_process.txt").write_text(told, "utf-8")
     sent = sum(trial.sent for trial in trials)
 
     figure = figures_of("in process", sent)
@@ -90,8 +90,9 @@ class Trial:
         self._held, self._expiring = pushing(self.scene)
         self.graph = FakeGraph(scene, [*self._held, *self._expiring])
         points = [point.name for point in self.scene.operational_points]
-        frames = [*points, *(link.name for link in self.scene.links)]
-        frames += [*(f"{name}_world" for name in points), "device", "device_world"]
+        links = (link.name for link in self.scene.links)
+        worlds = (f"{name}_world" for name in (*points, "device"))
+        frames = [*points, *links, *worlds, "device"]
         self._hostile = Hostile(seed, frames)
         self.sent = self.escaped = self.looks = self.lost = 0
         self.longest_s = 0.0
@@ -190,7 +191,7 @@ class Trial:
 
 def pushing(scene: Scene) -> tuple[list[str], list[str]]:
     """Return the topics of wrenches: persistent ones first, those that expire second."""
-    bodies = [point.name for point in scene.operational_points]
-    bodies += [link.name for link in scene.links]
+    points = (point.name for point in scene.operational_points)
+    bodies = (*points, *(link.name for link in scene.links))
     names = ["/device/hand_cf", *(f"/mechanism/{body}/external_cf" for body in bodies)]
     return [f"{name}/persistent" for name in names], [f"{name}/somebody" for name in names]

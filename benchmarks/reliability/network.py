@@ -61,7 +61,7 @@ def run(quick: bool, out: FilePath) -> list[Figure]:
         figures += _outage(delay, "plain", outages, out)
     figures += _outage(0.05, "plain", outages, out, one_way=True)
     figures += _outage(0.05, "plain", 1, out, LONG_OUTAGE_S)
-    figures += _undeclared(0.05, seconds, out)
+    figures += _path(0.05, "plain", seconds, out, also="not declared", declared=False)
     behind = f"the device's clock {-CLOCK_AHEAD_S:g} s behind"
     device = (sys.executable, "-m", "benchmarks.reliability.shifted_clock", str(CLOCK_AHEAD_S))
     figures += _path(0.01, "plain", seconds, out, also=behind, device=device)
@@ -71,8 +71,8 @@ def run(quick: bool, out: FilePath) -> list[Figure]:
 
 def _firm_arm(seconds: float, out: FilePath) -> str:
     """Return a scene's file: an arm that holds firmly and moves, walls of 2000 N/m."""
-    scene = scene_of(Trial(SCENE, hand="firm", seconds=seconds))
-    scene = scene.model_copy(update={"connection": Connection()})
+    firm = scene_of(Trial(SCENE, hand="firm", seconds=seconds))
+    scene = firm.model_copy(update={"connection": Connection()})
     file = out / "a_firm_arm.yaml"
     out.mkdir(parents=True, exist_ok=True)
     file.write_text(json.dumps(document_of(scene)), encoding="utf-8")
@@ -130,15 +130,21 @@ def _path(
     also: str = "",
     scene: str = SCENE,
     device: tuple[str, ...] = NODE,
+    declared: bool = True,
 ) -> Iterator[Figure]:
     name = ", ".join(filter(None, (f"{1e3 * delay:g} ms", kind, also)))
     folder, path = name.replace(" ", "_"), Path(delay, **KINDS[kind])
-    seen, _ = _watched(folder, path, seconds, out, scene=scene, device=device)
+    seen, _ = _watched(folder, path, seconds, out, scene=scene, device=device, declared=declared)
     most = FORCE_RATIO * simulated_force(delay, kind, seconds, scene)
-    again = seen.figure("haptic_device", "times_held")
     took = f"passivity control took {seen.dissipated.max():.2g} J"
-    yield Figure(f"{name}: engaged", seen.engaged(), "", None, ENGAGED, 1, f"held {again}×")
     yield Figure(f"{name}: largest force", float(seen.force.max()), "N", most, None, 1, took)
+    if not declared:
+        # Gains are reduced then, and that is said.
+        said = bool(seen.figure("teleoperation_controller", "loop_warning"))
+        yield Figure(f"{name}: said", 100.0 * said, "%", None, 100.0, 1)
+        return
+    held = f"held {seen.figure('haptic_device', 'times_held')}×"
+    yield Figure(f"{name}: engaged", seen.engaged(), "", None, ENGAGED, 1, held)
     yield Figure(f"{name}: least E_h", float(seen.from_hand.min()), "J", None, ENERGY_J, 1)
 
 
@@ -164,13 +170,3 @@ def _outage(
     yield Figure(f"{name}: zero force within", 1e3 * zero, "ms", 1e3 * within, None, count)
     yield Figure(f"{name}: back within", back, "s", BACK_S, None, count)
     yield Figure(f"{name}: least E_h", float(seen.from_hand.min()), "J", None, ENERGY_J, 1)
-
-
-def _undeclared(delay: float, seconds: float, out: FilePath) -> Iterator[Figure]:
-    """Run over a path that nobody declared: gains are reduced, and that is said."""
-    seen, _ = _watched("undeclared", Path(delay), seconds, out, declared=False)
-    most = FORCE_RATIO * simulated_force(delay, "plain", seconds)
-    said = bool(seen.figure("teleoperation_controller", "loop_warning"))
-    name = f"{1e3 * delay:g} ms, plain, not declared"
-    yield Figure(f"{name}: largest force", float(seen.force.max()), "N", most, None, 1)
-    yield Figure(f"{name}: said", 100.0 * said, "%", None, 100.0, 1)

@@ -137,5 +137,5 @@ def growth(
     ):
         if what in ("", kind):
             note = f"{values[-1] / scale:.4g} {unit} at the end".replace("  ", " ")
-            grew = grown(times, values) / scale
-            yield figure(f"growth of {kind}", grew, unit, most=most, note=note)
+            name, grew = f"growth of {kind}", grown(times, values) / scale
+            yield figure(name, grew, unit, most=most, note=note)

@@ -228,7 +228,6 @@ class SplitGraph(AbstractContextManager["SplitGraph"]):
     def _read(self, file: FilePath) -> Watched:
         with np.load(file) as found:
             states, energies, said = found["states"], found["energies"], found["said"]
-        reports = {name: self._log(name).read_text("utf-8") for name in self._processes}
         return Watched(
             states[:, 0] + 1e-9 * states[:, 1],
             states[:, _AT["position"]],
@@ -239,7 +238,7 @@ class SplitGraph(AbstractContextManager["SplitGraph"]):
             energies[:, 2],
             energies[:, 4],
             energies[:, 6],
-            reports,
+            {name: self._log(name).read_text("utf-8") for name in self._processes},
             tuple(str(text) for text in said),
         )
 

@@ -92,13 +92,9 @@ def build(library: Path) -> None:
         HapticMechError: it refuses the source.
     """
     partial = library.with_suffix(f".{os.getpid()}")
-    options = ["-O2", "-shared", "-fPIC", "-o", str(partial)]
-    done = subprocess.run(
-        [compiler(), *options, str(SOURCE), "-ldl", "-pthread"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    files = ["-o", str(partial), str(SOURCE)]
+    command = [compiler(), "-O2", "-shared", "-fPIC", *files, "-ldl", "-pthread"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         raise HapticMechError(f"{SOURCE.name}: cannot be built: {done.stderr.strip()[-400:]}")
     partial.rename(library)

@@ -241,8 +241,8 @@ def watched(
     """
     out.mkdir(parents=True, exist_ok=True)
     file = out / "held_body.yaml"
-    scene = held_body(path, True, period, slack)
-    file.write_text(json.dumps(document_of(scene)), encoding="utf-8")
+    document = document_of(held_body(path, True, period, slack))
+    file.write_text(json.dumps(document), encoding="utf-8")
     processes = of_two_users(str(file), NEAR, FAR, settings)
     sides = {NEAR: REST, FAR: DEVICE}
     for _ in range(TRIES):
@@ -279,8 +279,8 @@ def run(quick: bool, out: FilePath) -> list[Figure]:
     """
     figures: list[Figure] = []
     for delay, kind, slack in QUICK if quick else TRIALS:
-        name = f"{1e3 * delay:g} ms, {kind}"
-        name += f", slack of {1e3 * slack:g} mJ" if slack != SLACK_J else ""
+        also = f", slack of {1e3 * slack:g} mJ" if slack != SLACK_J else ""
+        name = f"{1e3 * delay:g} ms, {kind}{also}"
         folder, path = f"users_{name.replace(' ', '_')}", Path(delay, **KINDS[kind])
         try:
             seen = watched(path, out / folder, slack=slack)

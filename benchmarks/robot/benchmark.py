@@ -147,9 +147,8 @@ class RobotResults(MachineResults):
 
     def figures(self) -> Mapping[str, Figure]:
         """Return felt over desired impedance of environments."""
-        if not self.environments:
-            return {}
-        return {"felt_environment.png": environment_figure(self.environments)}
+        found = self.environments
+        return {"felt_environment.png": environment_figure(found)} if found else {}
 
     def _settings(self) -> Sheet:
         rows = (
@@ -329,8 +328,7 @@ def choose(
     # A law whose setting is not chosen is measured with it, whatever comes of it.
     counts = len(tried) == 1 or min(scores) < float("inf")
     best = tried[int(np.argmin(scores))] if counts else None
-    values = None if best is None else best.values
-    observer = 0.0 if best is None else best.observer
+    values, observer = (best.values, best.observer) if best else (None, 0.0)
     return Chosen(robot, condition, law, values, observer, len(tried)), best
 
 

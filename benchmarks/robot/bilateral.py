@@ -79,8 +79,11 @@ class _Robot(DrivenRobot):
 
     def __init__(self, interface: Interface, rate: float, with_rates: bool) -> None:
         scene = load_scene(IIWA)
-        gains = Gains(linear_rate=rate, angular_rate=rate)
-        law = OperationalLaw(Mechanism(scene), gains=gains, torque_limits=np.array(IIWA_LIMITS))
+        law = OperationalLaw(
+            Mechanism(scene),
+            gains=Gains(linear_rate=rate, angular_rate=rate),
+            torque_limits=np.array(IIWA_LIMITS),
+        )
         at_rest = law.state(law.posture, 0.0 * law.posture)
         self.start = at_rest.point.pose.translation.copy()
         wall = Wall(self.start + (GAP + RADIUS) * INTO, -INTO)

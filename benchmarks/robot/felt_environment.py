@@ -187,8 +187,9 @@ def felt_environment(
         velocity = np.full(times.size, np.nan)
     means = means_of(push)
     own = (mechanism_twists(setup, means) - mechanism_twists(setup, 0.0 * means))[:, loop.axis]
-    given = samples_of(force)
-    pushed, desired = (_steady(times, one, frequencies, window)[1] for one in (given, own))
+    pushed, desired = (
+        _steady(times, one, frequencies, window)[1] for one in (samples_of(force), own)
+    )
     s = 2.0j * np.pi * frequencies
     reference = pushed / desired + environment.dynamic_stiffness(s) / s
     felt = np.full(frequencies.size, complex(np.nan, np.nan))
@@ -305,8 +306,8 @@ def device_twists(setup: Setup, robot: RobotInEnvironment, pushes: Array, delay:
     """
     period, periods = setup.scene.simulation.period, len(pushes) // ROWS
     with scripted(fine_times(period, periods), pushes) as hand:
-        held = setup.scene.model_copy(update={"hand": hand})
-        session = replace(setup, scene=held).session()
+        scene = setup.scene.model_copy(update={"hand": hand})
+        session = replace(setup, scene=scene).session()
     there: deque[PointKinematics] = deque(maxlen=delay + 1)
     back = deque([np.zeros(6)] * (delay + 1), maxlen=delay + 1)
     twists = np.empty((periods, 6))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import product, starmap
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -194,11 +195,11 @@ def others(quick: bool = False) -> dict[str, list[Setting]]:
     """
     if quick:
         return {IMPEDANCE: [impedance(3000.0, 30.0, 0.7)], DAMPED: [damped(40.0, 0.1)]}
-    stiff = [
-        impedance(k, c, d) for k in STIFFNESSES for c in ANGULAR_STIFFNESSES for d in DAMPING_RATIOS
-    ]
-    inverse = [damped(rate, factor) for rate in RATES for factor in FACTORS]
-    return {IMPEDANCE: stiff, DAMPED: inverse}
+    grid = product(STIFFNESSES, ANGULAR_STIFFNESSES, DAMPING_RATIOS)
+    return {
+        IMPEDANCE: list(starmap(impedance, grid)),
+        DAMPED: list(starmap(damped, product(RATES, FACTORS))),
+    }
 
 
 def settings(task: Task, quick: bool = False) -> dict[str, list[Setting]]:
@@ -215,5 +216,5 @@ def settings(task: Task, quick: bool = False) -> dict[str, list[Setting]]:
         name + OBSERVED: [one._replace(observer=OBSERVER) for one in tried]
         for name, tried in plain.items()
     }
-    own = {OURS + OBSERVED: [ours(task)]}
-    return {**own, **observed, OURS: [ours(task, observed=False)], **plain}
+    own = [ours(task)]
+    return {OURS + OBSERVED: own, **observed, OURS: [ours(task, observed=False)], **plain}

@@ -115,10 +115,12 @@ def elsewhere_sheets(found: tuple[Elsewhere, ...]) -> Iterator[Sheet]:
             )
             for one in cases
         ]
-        columns = ("path", "observer", "payload, kg", "beyond, m", "damping", "friction")
         yield Sheet(
             f"path error, rms, mm, {title}",
-            (*columns, *LAWS, "ahead"),
+            (
+                *("path", "observer", "payload, kg", "beyond, m", "damping", "friction"),
+                *(*LAWS, "ahead"),
+            ),
             tuple(rows),
             caption=f"ahead, {FAR:g} m beyond: {sum(one.ahead for one in cases)} of {len(cases)}",
         )

@@ -107,8 +107,12 @@ class SessionResults(MachineResults):
             )
             for cost in self.costs
         )
-        caption = "mj_step moves the mechanism alone, by MuJoCo's implicitfast rule"
-        yield Sheet("a tick of the session, µs", ("scene", *numbers), rows, caption=caption)
+        yield Sheet(
+            "a tick of the session, µs",
+            ("scene", *numbers),
+            rows,
+            caption="mj_step moves the mechanism alone, by MuJoCo's implicitfast rule",
+        )
         yield goal_sheet(self.goals)
 
 
@@ -178,5 +182,5 @@ def session(
     json_only: JsonOption = False,
 ) -> None:
     """What a tick of a session costs: alone, in a run, part by part, and beside MuJoCo's step."""
-    names = scenes if scenes else sorted(shipped_scenes())
+    names = scenes or sorted(shipped_scenes())
     carry_out(lambda show: run_session(names, rounds, show), out, json_only)

@@ -116,11 +116,10 @@ class Loaded:
         """Return a line of the table, medians of those runs that have figures."""
         if self.skipped:
             return words, "skipped", *[NOTHING] * 9
-        good = sum(run.passed for run in self.runs)
         seconds = [run.seconds for run in self.runs]
         return (
             words,
-            judged(f"{good} of {len(self.runs)}", self.passed),
+            judged(f"{sum(run.passed for run in self.runs)} of {len(self.runs)}", self.passed),
             self._rates() or NOTHING,
             f"{statistics.median(seconds):.1f}",
             f"{max(seconds):.1f}",

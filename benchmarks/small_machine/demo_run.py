@@ -133,8 +133,8 @@ def faults(summary: Mapping[str, Any]) -> Iterator[str]:
     for held in constraints["while_held"]:
         gain = held["force_gain_median"]
         if gain is None or not abs(gain - 1.0) <= FORCE_GAIN:
-            gains = f"{number(gain, '.3f')} × the expected one"
-            yield f"force with {held['count']} constraints: {gains}"
+            seen = f"{number(gain, '.3f')} × the expected one"
+            yield f"force with {held['count']} constraints: {seen}"
     for body in ("device", "point"):
         for unit, most in (("mm", POSITION_MM), ("deg", ROTATION_DEG)):
             if not (apart := agreement[f"{body}_deviation_max_{unit}"]) < most:

@@ -77,5 +77,4 @@ def _check(problem: Problem, start: State, peer: Peer, method: Method, setting: 
         reason = f"error {fine:.1e} above {bound:.0e}"
     elif not reason and fine > SMALL and fine > SHRINKS_TO * coarse:
         reason = f"error does not shrink with the step: {coarse:.1e}, then {fine:.1e}"
-    names = (problem.name, peer.name, method.name)
-    return Check(*names, coarse, fine, bound, reason, one.suitable)
+    return Check(problem.name, peer.name, method.name, coarse, fine, bound, reason, one.suitable)

@@ -64,8 +64,9 @@ class _Pinocchio:
             raise UnsuitableError(NAME, scene.name, f"no loop for {ARTICULATED}: as rk4")
         pull = setting.get(RATE, 0.0) + setting.get(GAIN, 0.0) / step
         iterations = ITERATIONS if algorithm == DELASSUS else ARTICULATED_ITERATIONS
-        solver = setting.get(MU, SOFTNESS), ACCURACY, iterations
-        self._dynamics = PinocchioDynamics(scene, pull, *solver, algorithm)
+        self._dynamics = PinocchioDynamics(
+            scene, pull, setting.get(MU, SOFTNESS), ACCURACY, iterations, algorithm
+        )
         self._start, self._step = start, step
         model = self._dynamics.model
         # Only then are coordinates numbers that add up.
@@ -251,9 +252,8 @@ class PinocchioDynamics:
             # Each call places the frame as well.
             rows = pin.computeFrameJacobian(model, data, q, frame_a, WORLD_AXES)[:3]
             rows = rows - pin.computeFrameJacobian(model, data, q, frame_b, WORLD_AXES)[:3]
-            place_a = pin.updateFramePlacement(model, data, frame_a).translation
             place_b = pin.updateFramePlacement(model, data, frame_b).translation
-            gap = place_a - place_b
+            gap = pin.updateFramePlacement(model, data, frame_a).translation - place_b
             length = float(np.sqrt(gap @ gap))
             along = (gap / length) @ rows
             pull = spring.stiffness * (length - spring.rest_length)

@@ -106,8 +106,8 @@ def _compare(
     step_s = 0.0
     for multiple in multiples_of(problem, method, effort.quick):
         step = multiple * problem.unit
-        expected_s = step_s * problem.times[-1] / step
-        if expected_s > (LARGE_SHARE if problem.large else 1.0) * effort.limit_s:
+        limit_s = (LARGE_SHARE if problem.large else 1.0) * effort.limit_s
+        if step_s * problem.times[-1] / step > limit_s:
             break
         tried = [run_once(problem, start, peer, method, step, setting) for setting in settings]
         tried.sort(key=lambda one: one[0].error)

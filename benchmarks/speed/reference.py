@@ -147,8 +147,8 @@ def write(names: Sequence[str] = (), path: Path = PATH) -> None:
         per_output = [[list(reading[k]) for reading in values] for k in range(len(values[0]))]
         return {"name": asked.name, "times": asked.times, "values": per_output, "apart": apart}
 
-    document = {"command": COMMAND, "cases": [entry(asked) for asked in ASKED]}
-    path.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+    text = json.dumps({"command": COMMAND, "cases": [*map(entry, ASKED)]}, indent=1)
+    path.write_text(text + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -77,8 +77,12 @@ def _equality(checks: Sequence[Check]) -> Sheet:
         )
         for check in checks
     )
-    headings = ("scene", "peer", "method", "coarse", "fine", "bound", "outcome")
-    return Sheet("equality: error at two steps, m or rad", headings, rows, WORDS)
+    return Sheet(
+        "equality: error at two steps, m or rad",
+        ("scene", "peer", "method", "coarse", "fine", "bound", "outcome"),
+        rows,
+        WORDS,
+    )
 
 
 def _costs(results: Sequence[RunResult]) -> Sheet:
@@ -92,12 +96,14 @@ def _costs(results: Sequence[RunResult]) -> Sheet:
             ratio = known[name, target]
             value = "" if ratio.value is None else f"{ratio.value:.2f} ({ratio.best_peer})"
             rows.append((name, f"{target:.0e}", *cells, value))
-    title = "CPU time at equal error, ms per simulated second"
-    return Sheet(title, ("scene", "error", *peers, "ours / best peer"), tuple(rows))
+    return Sheet(
+        "CPU time at equal error, ms per simulated second",
+        ("scene", "error", *peers, "ours / best peer"),
+        tuple(rows),
+    )
 
 
 def _runs(results: Sequence[RunResult]) -> Sheet:
-    headings = ("scene", "peer", "method", "step", "error", "median", "p90", "max", "closures")
     rows = tuple(
         (
             result.problem,
@@ -111,7 +117,12 @@ def _runs(results: Sequence[RunResult]) -> Sheet:
         for result in results
         if result.raced
     )
-    return Sheet("runs that were timed: CPU time, ms per simulated second", headings, rows, WORDS)
+    return Sheet(
+        "runs that were timed: CPU time, ms per simulated second",
+        ("scene", "peer", "method", "step", "error", "median", "p90", "max", "closures"),
+        rows,
+        WORDS,
+    )
 
 
 def _growth(grown: Sequence[Growth]) -> Sheet:
@@ -149,8 +160,7 @@ def _milli(time: float | None) -> str:
 def drawn(results: Sequence[RunResult], known: Sequence[Problem]) -> Figure:
     """Return a figure of the runs that have an error."""
     looks = {peer: LOOKS[peer] for peer in dict.fromkeys(result.peer for result in results)}
-    shown = {result.problem for result in results}
-    problems = [problem for problem in known if problem.name in shown]
+    problems = [one for one in known if any(result.problem == one.name for result in results)]
     titles = {problem.name: problem.title for problem in problems}
     figure, places = panels(titles, looks, CAPTION)
     for problem in problems:
@@ -172,5 +182,5 @@ def _curve(axes: Axes, members: Sequence[RunResult], colour: str, mark: str) -> 
     if runs:
         axes.plot(*zip(*runs, strict=True), mark, color=colour, alpha=0.25, markersize=4)
     points = front(members, members[0].peer)
-    times = [point.cpu_s_per_s for point in points]
-    axes.plot(times, [point.error for point in points], "-", color=colour, marker=mark)
+    times, errors = [one.cpu_s_per_s for one in points], [one.error for one in points]
+    axes.plot(times, errors, "-", color=colour, marker=mark)

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -58,7 +59,7 @@ class Growth:
     def exponent(self) -> float | None:
         """Slope of log time over log size; None unless all sizes are known."""
         known = [cpu for cpu in self.cpu_s_per_step if cpu is not None]
-        if len(known) < len(self.sizes) or len(known) < 2:
+        if len(known) < max(len(self.sizes), 2):
             return None
         return float(np.polyfit(np.log(self.sizes), np.log(known), 1)[0])
 
@@ -94,7 +95,7 @@ def growth(
 ) -> tuple[tuple[Growth, ...], tuple[Check, ...]]:
     """Check every peer at every size, then time its steps in turn with the others'."""
     racers = [(p, m) for p in peers for m in p.methods if m.name in RULES]
-    found: dict[tuple[str, str, str], list[float | None]] = {}
+    found: dict[tuple[str, str, str], list[float | None]] = defaultdict(list)
     checks: list[Check] = []
     for family, numbers in sizes.items():
         for size in numbers:
@@ -105,8 +106,8 @@ def growth(
             fit = [one for one, verdict in zip(racers, seen, strict=True) if verdict.passed]
             times = _times(problem.scene, fit, repeats, budget_s)
             for peer, method in racers:
-                key = (family, peer.name, method.name)
-                found.setdefault(key, []).append(times.get((peer.name, method.name)))
+                time = times.get((peer.name, method.name))
+                found[family, peer.name, method.name].append(time)
     grown = tuple(Growth(*key, tuple(sizes[key[0]]), tuple(cpu)) for key, cpu in found.items())
     return grown, tuple(checks)
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 import os
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,9 +49,9 @@ class StudyResults(MachineResults):
 
     scenes: int
     processes: int
-    alone: tuple[float, ...]
-    shared: tuple[float, ...]
-    cluster: tuple[float, ...]
+    alone: Sequence[float]
+    shared: Sequence[float]
+    cluster: Sequence[float]
     same: bool
 
     @property
@@ -125,8 +125,7 @@ def run_benchmark(scenes: int, rounds: int, processes: int, show: Show = silent)
             rows.append(found.numbers)
             show(f"{way}: {taken[way][-1]:.1f} s")
     same = all(one.tobytes() == rows[0].tobytes() for one in rows)
-    times = {way: tuple(of) for way, of in taken.items()}
-    return StudyResults(machine(), scenes, processes, **times, same=same)
+    return StudyResults(machine(), scenes, processes, **taken, same=same)
 
 
 @contextmanager
