@@ -56,6 +56,11 @@ SWINGING = (
 # door's knob).
 PUSH_N, PUSH_AFTER_S = 1.0, 2.0
 PUSHED = {"five_bar": (-1.0, 0.0, 0.0), "door": (-0.1739, 0.9848, 0.0)}
+# Of these the emulated device is one, for what is felt.
+DEVICES = {
+    "as assumed": "{preset: inverse3}",
+    "no friction": "{preset: inverse3, coulomb_friction: 0.0, actuator_bandwidth: 0.0}",
+}
 WATCH = [sys.executable, "-m", "benchmarks.reliability.watch"]
 
 
@@ -259,11 +264,10 @@ def run_benchmark(kills: int, frames: int, show: Show = silent, domain: int = 87
                 for victim in VICTIMS:
                     ends[victim].append(_ends(rig, victim))
                     show(f"{number}: {victim} {1e3 * ends[victim][-1]:.1f} ms")
-        ideal = "{preset: inverse3, coulomb_friction: 0.0, actuator_bandwidth: 0.0}"
         felt = tuple(
             _felt(one, device, label, folder, domain)
             for one in PUSHED
-            for label, device in (("as assumed", "{preset: inverse3}"), ("no friction", ideal))
+            for label, device in DEVICES.items()
         )
     return HaplyResults(machine(), ends, frames, escaped, rate, felt)
 

@@ -75,8 +75,6 @@ class GraphWatch(Node):
         self._realtime = Realtime(REQUEST)
 
     def _listen(self, topic: int, name: str, kind: type, read: Callable[[bytes], Told]) -> None:
-        ring = self._ring
-
         def keep(message: bytes, info: Info) -> None:
             now = time.monotonic_ns()
             try:
@@ -86,7 +84,7 @@ class GraphWatch(Node):
             if not 0 <= stamp < LAST:
                 stamp = 0
             number = info["publication_sequence_number"]
-            ring.put((topic, now, stamp, number if number < LAST else 0, force, torque))
+            self._ring.put((topic, now, stamp, number if number < LAST else 0, force, torque))
 
         self.create_subscription(kind, name, WithInfo(keep), RECORDER_SUBSCRIBER, raw=True)
 

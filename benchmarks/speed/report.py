@@ -26,7 +26,6 @@ from hapticmech_ros.experiment.figure_style import BLUE, GREEN, GREY, VERMILION
 
 # Columns of words, which stand to the left.
 WORDS = ("peer", "method", "outcome", "closures")
-NOT_REACHED = "not reached"
 LOOKS = {
     "hapticmech": (BLUE, "o"),
     "mujoco": (VERMILION, "s"),
@@ -154,7 +153,7 @@ def _scientific(value: float) -> str:
 
 
 def _milli(time: float | None) -> str:
-    return NOT_REACHED if time is None else f"{1e3 * time:.3g}"
+    return "not reached" if time is None else f"{1e3 * time:.3g}"
 
 
 def drawn(results: Sequence[RunResult], known: Sequence[Problem]) -> Figure:

@@ -124,8 +124,13 @@ def run_benchmark(scenes: int, rounds: int, processes: int, show: Show = silent)
                 taken[way].append(time.perf_counter() - begun)
             rows.append(found.numbers)
             show(f"{way}: {taken[way][-1]:.1f} s")
-    same = all(one.tobytes() == rows[0].tobytes() for one in rows)
-    return StudyResults(machine(), scenes, processes, **taken, same=same)
+    return StudyResults(
+        machine(),
+        scenes,
+        processes,
+        **taken,
+        same=all(one.tobytes() == rows[0].tobytes() for one in rows),
+    )
 
 
 @contextmanager
