@@ -62,8 +62,7 @@ class ReportingProcess(AbstractContextManager["ReportingProcess"]):
 
     def check(self) -> None:
         """Raise BenchError if the process has ended by itself."""
-        code = self.process.poll()
-        if code is not None:
+        if (code := self.process.poll()) is not None:
             reasons = [str(event.get("reason")) for event in self.of("failed")]
             why = reasons[-1] if reasons else f"exit code {code}"
             raise BenchError(f"{self.name} ended by itself: {why}")
@@ -123,11 +122,6 @@ def finding_benchmarks(environment: Mapping[str, str]) -> dict[str, str]:
     """Return an environment in which ``python -m benchmarks...`` works from any folder."""
     paths = [*filter(None, [environment.get("PYTHONPATH")]), str(ROOT)]
     return {**environment, "PYTHONPATH": os.pathsep.join(paths)}
-
-
-def ids(processes: Mapping[str, subprocess.Popen[str]]) -> dict[str, int]:
-    """Return process ids; a process of several nodes is called ``composed``."""
-    return {"composed" if "," in name else name: p.pid for name, p in processes.items()}
 
 
 @contextmanager

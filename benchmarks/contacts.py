@@ -8,15 +8,16 @@ round by round, so that what else the machine does is met by all of them alike.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+import typer
 
 from benchmarks.machine import cpu_times, machine, speed_line
 from benchmarks.speed.mujoco_peer import MujocoScene, at_start
 from benchmarks.speed.mujoco_peer import stepping as mj_stepping
+from hapticmech_ros.cli import run_app
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.scene import Scene, document_of, scene_from_document
 from hapticmech_ros.simulation import Simulator
@@ -103,13 +104,11 @@ def in_mujoco(scene: Scene) -> Callable[[], None]:
     spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     # Declared pairs alone: what is in the world against what moves.
     for shape in scene.shapes:
-        if shape.link == "world":
-            kind, size = mujoco.mjtGeom.mjGEOM_PLANE, [0.0, 0.0, 1.0]
-        else:
-            kind, size = mujoco.mjtGeom.mjGEOM_BOX, [0.5 * SIZE] * 3
-        body = spec.worldbody if shape.link == "world" else spec.body(shape.link)
-        still = int(shape.link == "world")
-        body.add_geom(type=kind, size=size, contype=still, conaffinity=1 - still, mass=0.0)
+        still = shape.link == "world"
+        floor = spec.worldbody, mujoco.mjtGeom.mjGEOM_PLANE, [0.0, 0.0, 1.0]
+        box = spec.body(shape.link), mujoco.mjtGeom.mjGEOM_BOX, [0.5 * SIZE] * 3
+        body, kind, size = floor if still else box
+        body.add_geom(type=kind, size=size, contype=still, conaffinity=not still, mass=0.0)
     model, data = at_start(converted, bare)
     for _ in range(BEFORE):
         mujoco.mj_step(model, data)
@@ -119,11 +118,12 @@ def in_mujoco(scene: Scene) -> Callable[[], None]:
     return mj_stepping(model, data, STEPS)
 
 
-def main() -> None:
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command(help=__doc__)
+def contacts(rounds: Annotated[int, typer.Option(help="rounds that medians are of")] = 40) -> None:
     """Print a table, in µs a step."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rounds", type=int, default=40, help="rounds that medians are of")
-    rounds = parser.parse_args().rounds
     callers: dict[str, Callable[[], None]] = {}
     for substeps in (1, 4):
         pair, alone = out_of_reach("five_bar", substeps)
@@ -146,4 +146,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_app(app)

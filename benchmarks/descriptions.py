@@ -166,8 +166,7 @@ def tried(collection: str, name: str, path: Path) -> Outcome:
     compare: Callable[[Path, Mechanism, np.random.Generator], float | None]
     compare = energies_in_pinocchio if path.suffix == ".urdf" else energies_in_mujoco
     try:
-        scene = load_scene(path)
-        simulator = Simulator(scene)
+        simulator = Simulator(load_scene(path))
     except SceneError as error:
         first = error.problems[0]
         return Outcome(collection, name, 0, False, f"refused: {first.key_path}: {first.rule}")
@@ -210,8 +209,12 @@ def table(outcomes: Sequence[Outcome]) -> str:
             became = f"ran; {became}" if became else "ran"
         file, freedoms = f"`{one.file}`", f"{one.freedoms or '-'}"
         rows.append((one.collection, file, freedoms, became, number(one.difference, ".0e")))
-    headings = ("collection", "file", "freedoms", "became", "kinetic energy differs by")
-    return Sheet("descriptions", headings, tuple(rows), ("file", "became")).markdown()
+    return Sheet(
+        "descriptions",
+        ("collection", "file", "freedoms", "became", "kinetic energy differs by"),
+        tuple(rows),
+        ("file", "became"),
+    ).markdown()
 
 
 @app.command()

@@ -146,9 +146,12 @@ class _Trial:
         start, since, apart = self._body.pose.translation[0], self._time, 0.0
         while start - self._body.pose.translation[0] < WAY and self._time < since + LONGEST_S:
             self._go_on(PUSH)
-            apart = max(apart, self._apart())
-        needed = self._time - since
-        return Felt(self._kind.name, engaged, drift, (needed / time_alone(SCENE, PUSH)) ** 2, apart)
+            told = decode(graph.last[f"/analysis/{self._point}/operational_model"])
+            place = told[OperationalModelMessage.layout.slice("position")]
+            away = place - self._body.pose.translation
+            apart = max(apart, float(np.linalg.norm(away[:2])))
+        ratio = (self._time - since) / time_alone(SCENE, PUSH)
+        return Felt(self._kind.name, engaged, drift, ratio**2, apart)
 
     @property
     def _time(self) -> float:
@@ -201,16 +204,13 @@ class _Trial:
     def _put(self, name: str, message: object) -> None:
         self._graph.put(f"/device/{name}", serialize_message(message))
 
-    def _apart(self) -> float:
-        told = decode(self._graph.last[f"/analysis/{self._point}/operational_model"])
-        place = told[OperationalModelMessage.layout.slice("position")]
-        return float(np.linalg.norm((place - self._body.pose.translation)[:2]))
-
 
 def table(found: Sequence[Felt]) -> str:
     """Return what was felt as a table for a document."""
-    headings = ("driver", "engaged after, ms", "drift in 1 s, µm")
-    further = ("felt inertia / the mechanism's own", "device and point apart, mm")
+    headings = (
+        *("driver", "engaged after, ms", "drift in 1 s, µm"),
+        *("felt inertia / the mechanism's own", "device and point apart, mm"),
+    )
     rows = (
         (
             one.kind,
@@ -221,7 +221,7 @@ def table(found: Sequence[Felt]) -> str:
         )
         for one in found
     )
-    return Sheet("what is felt", (*headings, *further), tuple(rows)).markdown()
+    return Sheet("what is felt", headings, tuple(rows)).markdown()
 
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)

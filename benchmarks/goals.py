@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -45,7 +45,7 @@ def at_most(goal: str, value: float | None, limit: float, style: str) -> Verdict
     return unknown(goal) if value is None else verdict(goal, style.format(value), value <= limit)
 
 
-def goal_sheet(goals: Sequence[Verdict]) -> Sheet:
+def goal_sheet(goals: Iterable[Verdict]) -> Sheet:
     """Return the goals and whether they are met."""
     rows = tuple((one.goal, one.seen, Marked(one.outcome, STYLES[one.outcome])) for one in goals)
     return Sheet("goals", ("goal", "measured", "outcome"), rows, ("measured", "outcome"))

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import os
 import platform
-import statistics
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -52,10 +51,9 @@ def speed() -> dict[str, float]:
         for _ in range(ANALYSES):
             analyser.observe(state.q, state.v, state.active)
 
-    def add() -> None:
-        sum(range(SUMMED))
-
-    return {"analysis_us": _median_us(analyse) / ANALYSES, "python_loop_us": _median_us(add)}
+    taken = cpu_times({"analyse": analyse, "add": lambda: sum(range(SUMMED))}, REPEATS)
+    analysis_us, python_loop_us = (1e6 * float(np.median(times)) for times in taken.values())
+    return {"analysis_us": analysis_us / ANALYSES, "python_loop_us": python_loop_us}
 
 
 def cpu_times(callers: Mapping[str, Callable[[], object]], rounds: int) -> dict[str, Array]:
@@ -81,21 +79,10 @@ def speed_line(facts: Mapping[str, object]) -> str:
     )
 
 
-def _median_us(work: Callable[[], None]) -> float:
-    work()
-    times = []
-    for _ in range(REPEATS):
-        begun = time.thread_time_ns()
-        work()
-        times.append(time.thread_time_ns() - begun)
-    return 1e-3 * statistics.median(times)
-
-
 def _processor() -> str:
-    for line in (PROC / "cpuinfo").read_text(encoding="utf-8").splitlines():
-        if line.startswith("model name"):
-            return line.partition(":")[2].strip()
-    return platform.machine()
+    lines = (PROC / "cpuinfo").read_text(encoding="utf-8").splitlines()
+    names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(names, platform.machine())
 
 
 @dataclass(frozen=True)
@@ -111,8 +98,10 @@ class MachineResults(Results):
     def notes(self) -> list[str]:
         """Return what the machine is, in a line, and how fast, in another."""
         known = {name: value for name, value in self.machine.items() if not name.endswith("_us")}
-        about = ", ".join(f"{name} {value}" for name, value in known.items())
-        return [about, speed_line(self.machine)]
+        return [
+            ", ".join(f"{name} {value}" for name, value in known.items()),
+            speed_line(self.machine),
+        ]
 
     def markdown(self) -> str:
         """Return the tables for a document, and below them how fast the machine was."""

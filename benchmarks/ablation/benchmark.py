@@ -81,7 +81,6 @@ class AblationResults(MachineResults):
             for step in self.ladder
         )
         yield Sheet("a tick of the session, µs", ("scene", *numbers, *PARTS), rows)
-        headings = ("", "without", "with it", "difference", "±", "verdict")
         rows = tuple(
             (
                 one.name,
@@ -95,7 +94,12 @@ class AblationResults(MachineResults):
             )
             for one in self.unused
         )
-        yield Sheet("what is not used", headings, rows, ("verdict",))
+        yield Sheet(
+            "what is not used",
+            ("", "without", "with it", "difference", "±", "verdict"),
+            rows,
+            ("verdict",),
+        )
 
 
 def run_ablation(settings: Settings, show: Show = silent) -> AblationResults:
@@ -108,8 +112,8 @@ def run_ablation(settings: Settings, show: Show = silent) -> AblationResults:
     for pair, same in zip(couples, alike, strict=True):
         show(f"timing the pair: {pair.name}")
         scenes = pair.without.scene(), pair.having.scene()
-        both = side_by_side(scenes, settings.rounds, settings.ticks)
-        compared.append(unused(pair, same, *both))
+        times = side_by_side(scenes, settings.rounds, settings.ticks)
+        compared.append(unused(pair, same, *times))
     return AblationResults(machine(), settings, found, tuple(compared))
 
 

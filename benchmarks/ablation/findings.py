@@ -185,7 +185,7 @@ def time_in_turn(
             show(f"turn {turn + 1} of {rounds}")
         for index, scene in enumerate(scenes):
             whole[index, turn] = side_by_side((scene,), 1, ticks)
-            _time_parts(Loop(scene), parts[index, turn])
+            parts[index, turn] = Loop(scene).timed(WARM_TICKS + ticks)[WARM_TICKS:]
     return whole, parts / 1e3
 
 
@@ -204,15 +204,7 @@ def side_by_side(scenes: Sequence[Scene], rounds: int, ticks: int) -> Array:
             for side in range(len(scenes))[:: 1 if number % 2 else -1]:
                 begun = perf_counter_ns()
                 sessions[side]()
-                ended = perf_counter_ns()
+                taken = perf_counter_ns() - begun
                 if number >= 0:
-                    taken_ns[side, turn, number] = ended - begun
+                    taken_ns[side, turn, number] = taken
     return taken_ns / 1e3
-
-
-def _time_parts(loop: Loop, taken_ns: Array) -> None:
-    unseen = np.zeros(len(PARTS))
-    for _ in range(WARM_TICKS):
-        loop.timed_tick(unseen)
-    for row in taken_ns:
-        loop.timed_tick(row)

@@ -22,19 +22,21 @@ class Loop(Session):
     """A session whose tick is one call of the kernel for each part, to the bit.
 
     Attributes:
-        taken_ns: (4,) time of each of ``PARTS`` in the ticks since it was last set to zero, ns;
-            with what is done in Python for that part.
+        taken_ns: (4,) time of each of ``PARTS`` in the ticks since it was last set, ns; with what
+            is done in Python for that part.
     """
 
     def __init__(self, scene: Scene) -> None:
         self.taken_ns: Array = np.zeros(len(PARTS))
         super().__init__(scene)
 
-    def timed_tick(self, taken_ns: Array) -> None:
-        """Do a tick, and fill (4,) with the time of each of ``PARTS``, ns."""
-        self.taken_ns[:] = 0.0
-        self.tick()
-        taken_ns[:] = self.taken_ns
+    def timed(self, ticks: int) -> Array:
+        """Do so many ticks, and return the time (ticks, 4) of each of ``PARTS``, ns."""
+        rows = np.zeros((ticks, len(PARTS)))
+        for row in rows:
+            self.taken_ns = row
+            self.tick()
+        return rows
 
     def _call(self, phases: int, inputs: Array, rows: Array, ticks: int = 1) -> int:
         for part, own in enumerate(_PHASES):

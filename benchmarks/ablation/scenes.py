@@ -87,9 +87,6 @@ SECOND_POINT = _further("operational_points", {"name": "elbow", "link": "link1"}
 # A floor far below, and a ball at the base that may touch it.
 BALL: Document = {"name": "ball", "link": "base", "geometry": {"kind": "sphere", "radius": 0.05}}
 FLOOR: Document = {"name": "floor", "link": "world", "geometry": {"kind": "half_space"}}
-BELOW: Document = {"xyz": [0.0, 0.0, -FAR_AWAY]}
-# Against gravity, and below the ball.
-UNDER_IT: Document = {"xyz": [0.0, -0.05, 0.0], "rpy": [-np.pi / 2, 0.0, 0.0]}
 STEPS: dict[str, Change] = {
     "+ gravity": lambda document: {"gravity": [0.0, -9.81, 0.0]},
     "+ spatial task": lambda document: {"task_space": "spatial"},
@@ -125,13 +122,19 @@ STEPS: dict[str, Change] = {
     },
     "+ two substeps": _stepping(substeps=2),
     "+ contact out of reach": lambda document: {
-        "shapes": [BALL, FLOOR | {"origin": BELOW}],
+        "shapes": [BALL, FLOOR | {"origin": {"xyz": [0.0, 0.0, -FAR_AWAY]}}],
         "contacts": [
             {"name": "touch", "a": "ball", "b": "floor"}
             | {"stiffness": 1e4, "damping": 20.0, "friction": 0.5}
         ],
     },
-    "+ that rests": lambda document: {"shapes": [BALL, FLOOR | {"origin": UNDER_IT}]},
+    # Against gravity, and below the ball.
+    "+ that rests": lambda document: {
+        "shapes": [
+            BALL,
+            FLOOR | {"origin": {"xyz": [0.0, -0.05, 0.0], "rpy": [-np.pi / 2, 0.0, 0.0]}},
+        ]
+    },
 }
 OPEN_PIN = _further(
     "closures",

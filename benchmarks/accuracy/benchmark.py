@@ -150,8 +150,7 @@ def accuracy(
     if long:
         carry_out(endurance, out, json_only)
         return
-    multiples = numbers("--steps", steps, float)
-    chosen = settings(words(names), words(integrators), multiples, quick)
+    chosen = settings(words(names), words(integrators), numbers("--steps", steps, float), quick)
     carry_out(lambda show: run_accuracy(chosen, show), out, json_only, figure)
 
 
@@ -160,12 +159,11 @@ def cells(run: Run) -> tuple[str, ...]:
     step = step_text(run.step) + (" *" if run.own else "")
     if run.error is None or run.cpu_s_per_s is None or run.real_time is None:
         return (run.integrator, step, "failed", "", "", "", "", "")
-    energy = "" if run.energy_error is None else f"{run.energy_error:.1e}"
     return (
         run.integrator,
         step,
         f"{run.error:.1e}",
-        energy,
+        "" if run.energy_error is None else f"{run.energy_error:.1e}",
         f"{run.closure_error:.0e}" if run.rank else "",
         _ranks(run) if run.rank else "",
         f"{run.cpu_s_per_s:.3g}",
@@ -179,10 +177,9 @@ def step_text(step: float) -> str:
 
 
 def _ranks(run: Run) -> str:
-    text = f"{run.rank_changes}"
-    if run.singular_times:
-        text += f"/{run.singular_times}"
-    return f"{text}, {run.unexpected_ranks} elsewhere" if run.unexpected_ranks else text
+    passed = f"/{run.singular_times}" if run.singular_times else ""
+    elsewhere = f", {run.unexpected_ranks} elsewhere" if run.unexpected_ranks else ""
+    return f"{run.rank_changes}{passed}{elsewhere}"
 
 
 def _marked(run: Run) -> tuple[str, ...]:

@@ -55,7 +55,11 @@ class Output:
         Raises:
             InvalidInputError: the step does not divide a time.
         """
-        return [step_number(time, step) for time in self.times]
+        for time in self.times:
+            if not divides(step, time):
+                rule = f"must divide {time:g} s, where it is compared"
+                raise InvalidInputError("step", step, rule)
+        return [round(time / step) for time in self.times]
 
     def error(self, found: npt.ArrayLike) -> float:
         """Return the largest |found - values|, m or rad.
@@ -100,17 +104,6 @@ class Case:
     tags: frozenset[str]
 
 
-def step_number(time: float, step: float) -> int:
-    """Return the number of the step after which a time is reached, both in s.
-
-    Raises:
-        InvalidInputError: the step does not divide the time.
-    """
-    if not divides(step, time):
-        raise InvalidInputError("step", step, f"must divide {time:g} s, where it is compared")
-    return round(time / step)
-
-
 def divides(step: float, time: float) -> bool:
     """Return whether a time is reached by whole steps, both in s."""
     number = round(time / step)
@@ -128,14 +121,13 @@ def cases() -> tuple[Case, ...]:
 
 
 def _case(entry: Mapping[str, Any]) -> Case:
-    name = entry["name"]
-    windows = entry.get("windows")
-    path = _FOLDER / "scenes" / f"{name}.yaml"
+    own = "windows" not in entry
+    path = _FOLDER / "scenes" / f"{entry['name']}.yaml"
     return Case(
-        name=name,
+        name=entry["name"],
         problem=entry["problem"],
         title=entry["title"],
-        scene=load_scene(path) if windows is None else n_four_bar(windows),
+        scene=load_scene(path) if own else n_four_bar(entry["windows"]),
         duration=entry["duration"],
         outputs=tuple(_output(output) for output in entry["outputs"]),
         energy=entry.get("energy"),

@@ -97,7 +97,9 @@ class Tally:
         else:
             kept = ("energy", "apart") if led else ("beside", "off")
             found |= dict(zip((*kept, "untold", "led"), (lost, apart, untold, led), strict=True))
-            well = max(lost, apart) <= ALLOWED if led else apart <= BRANCH * _travel(case)
+            # rad, of the motion in the steps after the crossing.
+            way = oracle("crossings").SPEED * oracle("crossings").AFTER * case.period
+            well = max(lost, apart) <= ALLOWED if led else apart <= BRANCH * way
             if not (well and untold <= ALLOWED):
                 found["bad"] = 1.0
                 told = f"{lost:.1e} of the energy, of it {untold:.1e} untold, {apart:.1e} off"
@@ -132,18 +134,11 @@ def merged(files: Sequence[Path]) -> Tally:
     whole = Tally()
     for path in files:
         found = Tally(**json.loads(path.read_text(encoding="utf-8")))
-        again = set(whole.seeds) & set(found.seeds)
-        if again:
+        if again := set(whole.seeds) & set(found.seeds):
             rule = f"{path} must have seeds that no other file has"
             raise InvalidInputError("seed", min(again), rule)
         whole.add(found)
     return whole
-
-
-def _travel(case: Case) -> float:
-    """Return how far a motion goes in the steps after the crossing, rad."""
-    found = oracle("crossings")
-    return float(found.SPEED * found.AFTER * case.period)
 
 
 def beyond(case: Case, distance: float) -> tuple[float, float, float, bool]:
@@ -184,8 +179,7 @@ def _mechanisms() -> tuple[str, ...]:
 
 def error_after(windows: int, period: float) -> float:
     """Return how far the first tip of A02 is from its motion after ten seconds, m."""
-    scene = n_four_bar(windows)
-    simulator = Simulator(scene.stepped(period=period))
+    simulator = Simulator(n_four_bar(windows).stepped(period=period))
     end = simulator.run(simulator.initial_state(), round(UNTIL / period)).end
     tip = simulator.mechanism.frame_pose(end.q, "b0").translation[:2]
     return float(np.abs(tip - oracle("pendulum").windows(windows, [UNTIL])[0]).max())
@@ -245,9 +239,11 @@ def _table(tally: Tally) -> Sheet:
         count, led, *ends = (f"{found.get(key, 0.0):.0f}" for key in COUNTED)
         worst = (f"{found.get(key, np.nan):.1e}" for key in WORST)
         rows.append((name, count, led, *worst, *ends))
-    care = ("mechanism", "crossings", "with care", "energy, worst", "configuration, worst")
-    others = ("others: energy", "configuration", "not told", "bad", "raised")
-    return Sheet("crossings", (*care, *others), tuple(rows))
+    headings = (
+        *("mechanism", "crossings", "with care", "energy, worst", "configuration, worst"),
+        *("others: energy", "configuration", "not told", "bad", "raised"),
+    )
+    return Sheet("crossings", headings, tuple(rows))
 
 
 def _write_windows(out: Path) -> None:

@@ -87,9 +87,11 @@ class LongRuns(MachineResults):
             )
             for run in self.runs
         )
-        headings = ("scene", "simulated", "energy rises, J", "falls, J", "closures open")
-        further = ("ranks", "uprights apart, rad", "CPU, s/s", "failed")
-        yield Sheet("long runs", (*headings, *further), rows, ("failed",))
+        headings = (
+            *("scene", "simulated", "energy rises, J", "falls, J", "closures open"),
+            *("ranks", "uprights apart, rad", "CPU, s/s", "failed"),
+        )
+        yield Sheet("long runs", headings, rows, ("failed",))
 
 
 def endurance(show: Show = silent) -> LongRuns:
@@ -151,5 +153,4 @@ def _look(
     """Return energy (J), rank, and the largest angle between joints at ``places`` (rad)."""
     rank = simulator.evaluate(state).space.rank
     energy = sum(simulator.mechanism.energy(state.q, state.v))
-    apart = float(np.ptp(state.q[places])) if places else 0.0
-    return energy, rank, apart
+    return energy, rank, float(np.ptp(state.q[places])) if places else 0.0

@@ -41,8 +41,6 @@ def document(windows: int) -> dict[str, Any]:
     if not 1 <= windows <= LARGEST:
         raise InvalidInputError("windows", windows, f"must be from 1 to {LARGEST}")
     uprights, tops = range(windows + 1), range(windows)
-    links = [_rod(f"upright{k}", "world", {"xyz": [float(k), 0.0, 0.0]}) for k in uprights]
-    links += [_rod(f"top{k}", f"upright{k}", _TIP) for k in tops]
     q = {f"j_upright{k}": pi / 2.0 for k in uprights} | {f"j_top{k}": -pi / 2.0 for k in tops}
     v = {f"j_upright{k}": -1.0 for k in uprights} | {f"j_top{k}": 1.0 for k in tops}
     return {
@@ -51,7 +49,10 @@ def document(windows: int) -> dict[str, Any]:
         "description": f"Benchmark A02: parallelograms in a row, N = {windows}",
         "task_space": "planar",
         "gravity": [0.0, -9.81, 0.0],
-        "links": links,
+        "links": [
+            *(_rod(f"upright{k}", "world", {"xyz": [float(k), 0.0, 0.0]}) for k in uprights),
+            *(_rod(f"top{k}", f"upright{k}", _TIP) for k in tops),
+        ],
         "closures": [_pin(k) for k in tops],
         "operational_points": [{"name": "b0", "link": "upright0", "origin": _TIP}],
         "initial_state": {"q": q, "v": v},

@@ -126,19 +126,21 @@ def every_scene(
     Ends with 1 if an energy is off by more than 1e-6 of what was exchanged, and nothing says so.
     """
     out.mkdir(parents=True, exist_ok=True)
-    chosen = names or list(shipped_scenes())
     found, rows = [], []
-    for one in answers(partial(pushed, duration=duration), chosen, processes):
+    measure = partial(pushed, duration=duration)
+    for one in answers(measure, names or list(shipped_scenes()), processes):
         print(one, flush=True)
         found.append(one)
         shares = np.array((one.off, one.made, one.untold)) / max(one.exchanged, 1e-300)
         numbers = (f"{one.reached:.3g}", f"{one.exchanged:.3g}", f"{one.off:.1e}")
         counts = (str(one.refined), str(one.inaccurate), one.ended)
         rows.append((one.scene, *numbers, *(f"{share:.1e}" for share in shares), *counts))
-    headings = ("scene", "s", "exchanged, J", "energy off by, J", "of what was exchanged")
-    further = ("made by contacts", "not told", "refined", "inaccurate", "ended")
-    title = f"pushed {HARDER:g} times as hard"
-    print(Sheet(title, (*headings, *further), tuple(rows), ("ended",)).markdown())
+    headings = (
+        *("scene", "s", "exchanged, J", "energy off by, J", "of what was exchanged"),
+        *("made by contacts", "not told", "refined", "inaccurate", "ended"),
+    )
+    table = Sheet(f"pushed {HARDER:g} times as hard", headings, tuple(rows), ("ended",))
+    print(table.markdown())
     text = json.dumps([asdict(one) for one in found], indent=1)
     (out / "bench_pushed.json").write_text(text, encoding="utf-8")
     if any(one.silent for one in found):

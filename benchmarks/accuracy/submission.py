@@ -73,9 +73,8 @@ class Solution:
 
     def results(self) -> str:
         """Return the results file: a heading, then rows of numbers with tabs between them."""
-        lines = ["\t".join(self.columns)]
-        lines += ["\t".join(f"{number:.10e}" for number in row) for row in self.rows.tolist()]
-        return "\n".join(lines) + "\n"
+        rows = ("\t".join(f"{number:.10e}" for number in row) for row in self.rows.tolist())
+        return "\n".join(["\t".join(self.columns), *rows]) + "\n"
 
     def form(self) -> str:
         """Return what the form asks for, in Markdown."""
@@ -160,10 +159,8 @@ def _until(case: Case, duration: float) -> Case:
     """Return a case that is compared up to a time, s."""
     outputs = []
     for output in case.outputs:
-        kept = [k for k, at in enumerate(output.times) if at <= duration]
-        times = tuple(output.times[k] for k in kept)
-        values = tuple(output.values[k] for k in kept)
-        if times:
+        if count := sum(time <= duration for time in output.times):
+            times, values = output.times[:count], output.values[:count]
             outputs.append(replace(output, times=times, values=values))
     return replace(case, outputs=tuple(outputs))
 
@@ -180,11 +177,12 @@ def _columns(case: Case) -> Iterator[str]:
 
 def _energy(mechanism: Mechanism, state: MechanismState) -> float:
     """Return the mechanical energy less the work of constant efforts since a coordinate's zero."""
-    efforts = {link.joint.name: link.joint.effort for link in mechanism.scene.links}
-    tree, work = mechanism.tree, 0.0
-    for index, name in enumerate(tree.joint_names):
-        if efforts.get(name):
-            work += efforts[name] * float(state.q[tree.position_slice(index)][0])
+    tree = mechanism.tree
+    work = sum(
+        joint.effort * float(state.q[tree.position_slice(index)][0])
+        for index, joint in enumerate(tree.joints)
+        if joint.effort
+    )
     return float(sum(mechanism.energy(state.q, state.v))) - work
 
 

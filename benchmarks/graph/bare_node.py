@@ -23,7 +23,6 @@ from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Float64MultiArray
 
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
-from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.loop import (
     StopRequest,
@@ -87,30 +86,25 @@ class BareNode(Node):
         actors = FakeGraph(self._scene_name, actors=ACTORS[:4])
         actors.run(ENGAGES_S)
         self._sent = actors.last
-        self._deadlines: PeriodClock | None = None
         self._said = 0
         self._received_ns = 0
         self._ages, self._latency = DurationHistogram(), DurationHistogram()
         self._control = self._outputs_at("control")
         self._view = self._outputs_at("view")
-        self._latched = self._outputs_at("change")
         for topic in TOPICS:
             for heard in self._names(topic) if name in topic.subscribers else ():
                 kind, raw = message_class(topic.type), topic.type == ARRAY
                 self.create_subscription(
                     kind, heard, self._hearer(topic), COMMAND_SUBSCRIBER, raw=raw
                 )
-        self._say(self._latched, 0)
+        self._say(self._outputs_at("change"), 0)
         self._diagnostics = self.create_publisher(
             DiagnosticArray, DIAGNOSTICS.name, STREAM_PUBLISHER
         )
         self.create_timer(period_s, self._publish_diagnostics)
-
-    def begin(self) -> None:
-        """Start the deadlines, if the node has any."""
-        phase = PHASES.get(self.get_name())
-        if phase is not None:
-            self._deadlines = PeriodClock.on_grid(self._period_s, phase, self.now_ns())
+        self._deadlines: PeriodClock | None = None
+        if name in PHASES:
+            self._deadlines = PeriodClock.on_grid(self._period_s, PHASES[name], self.now_ns())
 
     def look_at_clock(self) -> None:
         """Leave the machine's clock alone."""
@@ -211,24 +205,16 @@ class BareNode(Node):
         self._diagnostics.publish(message)
 
 
-def run(names: Sequence[str], arguments: Sequence[str]) -> int:
-    """Run the named nodes of the bare graph in this thread until a signal; return the exit code."""
+def run(names: Sequence[str], arguments: Sequence[str]) -> None:
+    """Run the named nodes of the bare graph in this thread until a signal."""
     stop = StopRequest()
     wake_up_in_time()
     rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
-    nodes: list[BareNode] = []
+    nodes = [BareNode(name) for name in names]
     try:
-        # One by one: those made before a failure are destroyed.
-        for name in names:
-            nodes.append(BareNode(name))
-            nodes[-1].begin()
         run_until(stop, nodes, begun=prepare_loops)
         for node in nodes:
             print_report(node)
-        return 0
-    except HapticMechError as error:
-        sys.stderr.write(f"{error}\n")
-        return 1
     finally:
         for node in nodes:
             node.destroy_node()
@@ -265,4 +251,4 @@ def example(kind: Any, sent: Any) -> Example:
 
 if __name__ == "__main__":
     # python -m benchmarks.graph.bare_node NAME[,NAME...] [--ros-args ...]
-    sys.exit(run(sys.argv[1].split(","), sys.argv[2:]))
+    run(sys.argv[1].split(","), sys.argv[2:])

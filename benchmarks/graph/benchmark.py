@@ -108,11 +108,15 @@ def graph(
     json_only: JsonOption = False,
 ) -> None:
     """Time the graph beside a bare one: same processes, topics and messages, empty callbacks."""
-    recorded = (False, True) if record is None else (record,)
-    # The plan refuses layouts and transports that it does not know.
-    layouts = cast("tuple[Layout, ...]", words(layout))
-    rates_hz = tuple(numbers("--rates", rates, float))
-    transports = cast("tuple[Transport, ...]", words(transport))
-    views_hz = tuple(numbers("--view-rates", view_rates, float))
-    plan = Plan(scene, rates_hz, layouts, recorded, seconds, repeats, transports, views_hz)
+    plan = Plan(
+        scene,
+        rates_hz=tuple(numbers("--rates", rates, float)),
+        # The plan refuses layouts and transports that it does not know.
+        layouts=cast("tuple[Layout, ...]", words(layout)),
+        recorded=(False, True) if record is None else (record,),
+        seconds=seconds,
+        repeats=repeats,
+        transports=cast("tuple[Transport, ...]", words(transport)),
+        views_hz=tuple(numbers("--view-rates", view_rates, float)),
+    )
     carry_out(lambda show: run_benchmark(plan, out, show), out, json_only)

@@ -5,7 +5,8 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Callable, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from benchmarks.goals import Verdict, at_most, unknown, verdict
@@ -70,7 +71,10 @@ class Comparison:
         """Return all figures, and what failed."""
         sides = (self.real, self.bare)
         rows: list[tuple[str, ...]] = [
-            ("runs that passed all checks", *(_passed(side) for side in sides))
+            (
+                "runs that passed all checks",
+                *(f"{sum(run.sound for run in side.runs)} of {len(side.runs)}" for side in sides),
+            )
         ]
         for name in {**self.real.figures, **self.bare.figures}:
             cells = [_cell(side.figures.get(name)) for side in sides]
@@ -80,12 +84,12 @@ class Comparison:
             rows.append(("same topics and sizes", judged(self.alike.seen, self.alike.held)))
         rows += [("check failed", judged(failure, False)) for failure in self.real.failures]
         rows += [("check failed", "", judged(failure, False)) for failure in self.bare.failures]
-        headings = ("", "real", "bare", "real / bare")
-        return Sheet(str(self.configuration), headings, tuple(rows), ("real", "bare"))
-
-
-def _passed(side: Side) -> str:
-    return f"{sum(run.sound for run in side.runs)} of {len(side.runs)}"
+        return Sheet(
+            str(self.configuration),
+            ("", "real", "bare", "real / bare"),
+            tuple(rows),
+            ("real", "bare"),
+        )
 
 
 def _cell(value: float | None) -> str:
@@ -109,51 +113,40 @@ def compare(configuration: Configuration, runs: Sequence[Run], point: str) -> Co
 
 def _side(runs: Sequence[Run]) -> Side:
     broken = tuple(f"run {run.step.repeat}: {why}" for run in runs for why in run.faults)
-    found: dict[str, list[float]] = {}
+    found: dict[str, list[float]] = defaultdict(list)
     for run in runs:
         for name, value in run.figures.items():
-            found.setdefault(name, []).append(value)
-    figures = {name: over_runs(name, values) for name, values in found.items()}
+            found[name].append(value)
+    over_runs = {name: OVER_RUNS.get(name.rpartition(": ")[2], statistics.median) for name in found}
+    figures = {name: float(over_runs[name](values)) for name, values in found.items()}
     return Side(tuple(runs), broken, figures)
-
-
-def over_runs(name: str, values: Sequence[float]) -> float:
-    """Return a figure of several runs."""
-    return float(OVER_RUNS.get(name.rpartition(": ")[2], statistics.median)(values))
 
 
 def verdicts(comparisons: Sequence[Comparison]) -> tuple[Verdict, ...]:
     """Return a verdict for each goal; one that no run is about is ``not measured``."""
     # As shipped: other transports and settings are for comparison.
     known = {one.configuration: one for one in comparisons}
-
-    def named(configuration: Configuration) -> tuple[str, Comparison | None]:
-        return str(configuration), known.get(configuration)
-
-    separate = named(Configuration(SEPARATE_HZ, "separate", True))
+    recorded = Configuration(SEPARATE_HZ, "separate", True)
+    separate = known.get(recorded) or compare(recorded, (), "")
     # What a recorder needs besides is its own; with it if it was never left out.
-    composed = named(Configuration(COMPOSED_HZ, "composed", False))
-    if composed[1] is None:
-        recording = named(Configuration(COMPOSED_HZ, "composed", True))
-        composed = composed if recording[1] is None else recording
+    alone, beside = (Configuration(COMPOSED_HZ, "composed", one) for one in (False, True))
+    composed = known.get(alone) or known.get(beside) or compare(alone, (), "")
+    share = composed.real.figures.get(processor_share("composed"))
+    busy = f"{composed.configuration}: at most {CPU_LIMIT:g} % of one core"
     return (
-        _sound(*separate),
-        _lost(*separate),
-        *_kept(*separate, SEPARATE_HZ),
-        *_latencies(*separate),
-        _sound(*composed),
-        *_kept(*composed, COMPOSED_HZ),
-        _processor(*composed),
+        _sound(separate),
+        _lost(separate),
+        *_kept(separate),
+        *_latencies(separate),
+        _sound(composed),
+        *_kept(composed),
+        at_most(busy, share, CPU_LIMIT, "{:.1f} %"),
     )
 
 
-def _figures(found: Comparison | None) -> Figures:
-    return {} if found is None else found.real.figures
-
-
-def _sound(where: str, found: Comparison | None) -> Verdict:
-    goal = f"{where}: every run passes its checks"
-    if found is None:
+def _sound(found: Comparison) -> Verdict:
+    goal = f"{found.configuration}: every run passes its checks"
+    if not found.real.runs:
         return unknown(goal)
     broken = [*found.real.failures, *(f"bare, {reason}" for reason in found.bare.failures)]
     if found.alike is not None and not found.alike.held:
@@ -161,27 +154,26 @@ def _sound(where: str, found: Comparison | None) -> Verdict:
     return verdict(goal, broken[0] if broken else "all", not broken)
 
 
-def _lost(where: str, found: Comparison | None) -> Verdict:
-    goal, figures = f"{where}: no control message lost", _figures(found)
+def _lost(found: Comparison) -> Verdict:
+    goal = f"{found.configuration}: no control message lost"
     lost, asked, unseen = (
-        sum(figures.get(f"{name}: {what}", 0.0) for name in ANSWERED)
+        sum(found.real.figures.get(f"{name}: {what}", 0.0) for name in ANSWERED)
         for what in (LOST, ASKED, UNSEEN)
     )
     if not asked:
         return unknown(goal)
-    seen = f"{lost:.0f} of {asked:.0f} lost"
-    seen += f"; the recorder itself lost {unseen:.0f}" if unseen else ""
-    return verdict(goal, seen, lost == 0)
+    beside = f"; the recorder itself lost {unseen:.0f}" if unseen else ""
+    return verdict(goal, f"{lost:.0f} of {asked:.0f} lost{beside}", lost == 0)
 
 
-def _kept(where: str, found: Comparison | None, rate_hz: float) -> list[Verdict]:
-    tolerance, name = RATE_TOLERANCE * rate_hz, f"{DEVICE}: {RATE}"
-    runs = () if found is None else found.real.runs
-    rates = [run.figures[name] for run in runs if name in run.figures]
+def _kept(found: Comparison) -> list[Verdict]:
+    where, rate_hz, name = found.configuration, found.configuration.rate_hz, f"{DEVICE}: {RATE}"
+    tolerance = RATE_TOLERANCE * rate_hz
+    rates = [run.figures[name] for run in found.real.runs if name in run.figures]
     worst = max(rates, key=lambda rate: abs(rate - rate_hz), default=None)
     goal = f"{where}: device at {rate_hz:g} ± {tolerance:g} Hz in every run"
     rarely = f"{where}: at most {MISSED_LIMIT:g} % of the device's deadlines missed"
-    missed = _figures(found).get(f"{DEVICE}: {MISSED}")
+    missed = found.real.figures.get(f"{DEVICE}: {MISSED}")
     return [
         unknown(goal)
         if worst is None
@@ -190,19 +182,9 @@ def _kept(where: str, found: Comparison | None, rate_hz: float) -> list[Verdict]
     ]
 
 
-def _latencies(where: str, found: Comparison | None) -> list[Verdict]:
-    verdicts = []
+def _latencies(found: Comparison) -> Iterator[Verdict]:
     for share, limit in RATIO_LIMITS.items():
-        goal = f"{where}: {share} of {ROUND_TRIP} at most {limit:g} x bare"
-        ratio, beside = (
-            None if found is None else found.ratio(latency(hop, share))
-            for hop in (ROUND_TRIP, RECORDED_TRIP)
-        )
+        goal = f"{found.configuration}: {share} of {ROUND_TRIP} at most {limit:g} x bare"
+        ratio, beside = (found.ratio(latency(hop, share)) for hop in (ROUND_TRIP, RECORDED_TRIP))
         recorded = "" if beside is None else f"; {RECORDED_TRIP} at the recorder {beside:.2f} x"
-        verdicts.append(at_most(goal, ratio, limit, f"{{:.2f}} x{recorded}"))
-    return verdicts
-
-
-def _processor(where: str, found: Comparison | None) -> Verdict:
-    goal = f"{where}: at most {CPU_LIMIT:g} % of one core"
-    return at_most(goal, _figures(found).get(processor_share("composed")), CPU_LIMIT, "{:.1f} %")
+        yield at_most(goal, ratio, limit, f"{{:.2f}} x{recorded}")

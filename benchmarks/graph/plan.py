@@ -7,6 +7,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product, starmap
 from pathlib import Path
 from typing import Literal
 
@@ -91,8 +92,7 @@ class Plan:
     views_hz: tuple[float, ...] = (VIEW_HZ,)
 
     def __post_init__(self) -> None:
-        given = (self.rates_hz, self.layouts, self.recorded, self.transports, self.views_hz)
-        if not all(given):
+        if not all((self.rates_hz, self.layouts, self.recorded, self.transports, self.views_hz)):
             rule = "must have a rate, a layout, a transport, a view rate, and record or not"
             raise InvalidInputError("plan", self, rule)
         refuse_unknown("layout", self.layouts, LAYOUTS)
@@ -120,11 +120,9 @@ class Plan:
         )
 
     def steps(self) -> Iterator[Step]:
-        """Yield the runs: real and bare in turn, so that a drifting machine meets both."""
-        for configuration in self.configurations():
-            for repeat in range(1, self.repeats + 1):
-                for kind in KINDS:
-                    yield Step(configuration, repeat, kind)
+        """Return the runs: real and bare in turn, so that a drifting machine meets both."""
+        ways = product(self.configurations(), range(1, self.repeats + 1), KINDS)
+        return starmap(Step, ways)
 
 
 def scene_at_rate(scene: str, rate_hz: float, folder: Path) -> Path:

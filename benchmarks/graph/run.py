@@ -11,7 +11,6 @@ from collections.abc import Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import psutil
 
@@ -19,7 +18,6 @@ from benchmarks.children import (
     BenchError,
     ReportingProcess,
     finding_benchmarks,
-    ids,
     output_to,
     wait_until,
 )
@@ -27,7 +25,6 @@ from benchmarks.graph.checks import ENGAGED, Check, Expected, check_recording, c
 from benchmarks.graph.plan import VIEW_HZ, Step
 from benchmarks.graph.recorded import recorded
 from benchmarks.graph.statuses import Figures, Status, around, said, status_of
-from benchmarks.reliability.usage import processor_s
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.graph.processes import Graph, private_environment, ros_arguments, start_process
 from hapticmech_ros.nodes.entry import NODES
@@ -44,8 +41,10 @@ SPEAKS_WITHIN_S = 6.0
 PROBE = [sys.executable, "-m", "benchmarks.graph.graph_probe"]
 BARE = [sys.executable, "-m", "benchmarks.graph.bare_node"]
 # Records every topic until it is ended; tells ``ready`` once it listens.
-RECORDER = [sys.executable, "-m", "hapticmech_ros.nodes.recorder", "--duration", "1e6"]
-RECORDER += ["--start-timeout", "1e6"]
+RECORDER = [
+    *(sys.executable, "-m", "hapticmech_ros.nodes.recorder"),
+    *("--duration", "1e6", "--start-timeout", "1e6"),
+]
 # Name of a figure: processor time that the host of a virtual machine gave to others.
 STOLEN = "stolen by the host, %"
 
@@ -81,40 +80,18 @@ class Run:
         return not self.faults
 
 
-class Usage(NamedTuple):
-    """Counters at one time: s of a monotonic clock, CPU time (s) by process, and of all cores."""
-
-    time_s: float
-    processes: Mapping[str, float]
-    machine: Any
-
-
-def usage(processes: Mapping[str, int]) -> Usage:
-    """Return the counters now, of processes by name (ids); one that has ended is left out."""
-    taken = {}
-    for name, pid in processes.items():
-        with suppress(BenchError):
-            taken[name] = processor_s(pid)
-    return Usage(time.monotonic(), taken, psutil.cpu_times())
-
-
 def processor_share(process: str) -> str:
     """Return the name of a figure: the processor time that a process takes."""
     return f"CPU of {process}, % of one core"
 
 
-def load_between(before: Usage, after: Usage) -> Figures:
-    """Return the processor time that was taken from one time to a later one."""
-    elapsed = max(after.time_s - before.time_s, 1e-9)
-    found = {
-        processor_share(name): 100.0 * (taken - before.processes[name]) / elapsed
-        for name, taken in after.processes.items()
-        if name in before.processes
-    }
-    # user nice system idle iowait irq softirq steal; guest time is within user and nice.
-    whole = sum(after.machine[:8]) - sum(before.machine[:8])
-    stolen = after.machine.steal - before.machine.steal
-    return {**found, STOLEN: 100.0 * stolen / max(whole, 1e-9)}
+def load_since(processes: Mapping[str, psutil.Process]) -> Figures:
+    """Return the processor time that was taken since the last call; not of what has ended."""
+    found = {STOLEN: psutil.cpu_times_percent().steal}
+    for name, process in processes.items():
+        with suppress(psutil.NoSuchProcess):
+            found[processor_share(name)] = process.cpu_percent()
+    return found
 
 
 def measure(
@@ -147,16 +124,22 @@ def _run(
     with ExitStack() as stack:
         with output_to(folder / "nodes.log"):
             probe = stack.enter_context(ReportingProcess(PROBE, environment))
-            others = {"probe": probe}
+            started = {"probe": probe.process}
             if step.configuration.recorded:
                 command = [*RECORDER, "--out", str(bag), "--scene", scene]
-                others["recorder"] = stack.enter_context(ReportingProcess(command, environment))
+                recorder = stack.enter_context(ReportingProcess(command, environment))
+                started["recorder"] = recorder.process
             graph = stack.enter_context(start_graph(step, scene, environment))
-        processes = ids({**graph.processes, **{n: one.process for n, one in others.items()}})
+        # A process of several nodes is called ``composed``.
+        processes = {
+            "composed" if "," in name else name: psutil.Process(process.pid)
+            for name, process in {**graph.processes, **started}.items()
+        }
         wait_until_engaged(graph, probe)
-        begun_ns, before = time.time_ns(), usage(processes)
+        begun_ns = time.time_ns()
+        load_since(processes)
         _wait(graph, seconds)
-        after, ended_ns = usage(processes), time.time_ns()
+        load, ended_ns = load_since(processes), time.time_ns()
         wait_until(
             lambda: set(NODES) <= {s.node for s in _statuses(probe) if s.stamp_ns >= ended_ns},
             SPEAKS_WITHIN_S,
@@ -173,7 +156,6 @@ def _run(
         and ends[status.node][0].stamp_ns <= status.stamp_ns <= ends[status.node][1].stamp_ns
     ]
     figures, checks = said(ends), check_run(step.kind, ends, within, session)
-    load = load_between(before, after)
     if not step.configuration.recorded:
         return Run(step, "", checks, {**figures, **load})
     found = recorded(bag, point, window)
@@ -223,12 +205,8 @@ class BareGraph(Graph):
         self.processes = {}
         self._readiness = Readiness()
         arguments = ros_arguments({"scene": scene, "view_rate": view_hz})
-        try:
-            for group in [",".join(NODES)] if composed else list(NODES):
-                self.processes[group] = start_process([*BARE, group, *arguments], environment)
-        except BaseException:
-            self.stop()
-            raise
+        for group in [",".join(NODES)] if composed else list(NODES):
+            self.processes[group] = start_process([*BARE, group, *arguments], environment)
 
 
 def start_graph(step: Step, scene: str, environment: Mapping[str, str]) -> Graph:

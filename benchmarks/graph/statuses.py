@@ -8,6 +8,7 @@ import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -47,21 +48,14 @@ class Status:
 Ends = Mapping[str, tuple[Status, Status]]
 
 
-def status_of(facts: Mapping[str, object]) -> Status:
+def status_of(facts: Mapping[str, Any]) -> Status:
     """Return the status in a line of the probe's."""
-    given = facts.get("figures")
     figures = {}
-    for key, text in given.items() if isinstance(given, Mapping) else ():
+    for key, text in facts["figures"].items():
         with suppress(ValueError):
             if math.isfinite(value := float(text)):
                 figures[key] = value
-    stamp = facts.get("stamp_ns")
-    return Status(
-        str(facts.get("node")),
-        stamp if isinstance(stamp, int) else 0,
-        str(facts.get("message")),
-        figures,
-    )
+    return Status(facts["node"], facts["stamp_ns"], facts["message"], figures)
 
 
 def around(statuses: Sequence[Status], node: str, window: tuple[int, int]) -> tuple[Status, Status]:
@@ -97,13 +91,13 @@ def said(ends: Ends) -> Figures:
     found: Figures = {}
     for node in (DEVICE, MECHANISM):
         periods, missed = (gained(ends[node], one) for one in ("periods", "missed_deadlines"))
-        rate = rate_hz(ends[node], "periods") - rate_hz(ends[node], "missed_deadlines")
-        found[f"{node}: {RATE}"] = rate
+        made_hz, missed_hz = (rate_hz(ends[node], one) for one in ("periods", "missed_deadlines"))
+        found[f"{node}: {RATE}"] = made_hz - missed_hz
         found[f"{node}: {MISSED}"] = 100.0 * missed / periods if periods else 100.0
         found[f"{node}: {DROPPED}"] = gained(ends[node], "dropped_periods")
     for node, (counter, asking) in ANSWERS.items():
-        share = rate_hz(ends[node], counter) / max(found[f"{asking}: {RATE}"], 1e-9)
-        found[f"{node}: samples answered, %"] = 100.0 * share
+        asked_hz = max(found[f"{asking}: {RATE}"], 1e-9)
+        found[f"{node}: samples answered, %"] = 100.0 * rate_hz(ends[node], counter) / asked_hz
     for hop, (node, name) in SAID_HOPS.items():
         found |= latency_said(hop, ends[node][1].figures, name)
     return found
@@ -125,8 +119,8 @@ def latency_of(hop: str, samples_us: Array) -> Figures:
 def latency_said(hop: str, figures: Mapping[str, float], name: str) -> Figures:
     """Return the percentiles ``<name>_p50_us`` and so on that a node gives; none without all."""
     values = [figures.get(f"{name}_{one}_us", 0.0) for one in PERCENTILES]
-    longest = values[-1]
     if 0.0 in values:
         return {}
     # A node counts in bins and says their upper edge, but its longest to the last digit.
-    return {latency(hop, one): min(x, longest) for one, x in zip(PERCENTILES, values, strict=True)}
+    known = zip(PERCENTILES, np.minimum(values, values[-1]).tolist(), strict=True)
+    return {latency(hop, one): x for one, x in known}

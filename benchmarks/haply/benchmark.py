@@ -13,7 +13,7 @@ import random
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,11 +22,10 @@ from typing import Annotated, ClassVar
 import numpy as np
 import typer
 
-from benchmarks.children import ReportingProcess, wait_until
-from benchmarks.haply.emulated import Emulator, Trace, emulated
+from benchmarks.children import ReportingProcess, finding_benchmarks, wait_until
+from benchmarks.haply.emulated import Emulator, Trace
 from benchmarks.machine import MachineResults, machine
 from benchmarks.push import WAY, time_alone
-from benchmarks.reliability.rig import FOLDER
 from benchmarks.reliability.sample import DEVICE as WATCHED
 from benchmarks.reliability.sample import Ring
 from hapticmech_ros import load_scene
@@ -57,7 +56,12 @@ SWINGING = (
 # door's knob).
 PUSH_N, PUSH_AFTER_S = 1.0, 2.0
 PUSHED = {"five_bar": (-1.0, 0.0, 0.0), "door": (-0.1739, 0.9848, 0.0)}
-WATCH = [sys.executable, "-u", str(FOLDER / "watch.py")]
+# Of these the emulated device is one, for what is felt.
+DEVICES = {
+    "as assumed": "{preset: inverse3}",
+    "no friction": "{preset: inverse3, coulomb_friction: 0.0, actuator_bandwidth: 0.0}",
+}
+WATCH = [sys.executable, "-m", "benchmarks.reliability.watch"]
 
 
 @dataclass(frozen=True)
@@ -90,7 +94,7 @@ class HaplyResults(MachineResults):
     NAME: ClassVar[str] = "bench_haply"
     FAULT: ClassVar[str] = "a limit was missed"
 
-    ends: dict[str, tuple[float, ...]]
+    ends: Mapping[str, Sequence[float]]
     frames: int
     escaped: int
     rate: float
@@ -128,7 +132,7 @@ class _Rig:
     def __init__(self, scene: Path, folder: Path, domain: int) -> None:
         self._scene, self._folder, self._number = scene, folder, 0
         self.emulator, self.trace = self._serve(0)
-        environment = private_environment(domain)
+        environment = finding_benchmarks(private_environment(domain))
         parameters = {f"{DRIVER}.uri": self.emulator.uri}
         self.graph = Graph(str(scene), nodes=NODES, parameters=parameters, environment=environment)
         self.ring = Ring(folder / "ring", fresh=True)
@@ -136,7 +140,7 @@ class _Rig:
 
     def _serve(self, port: int) -> tuple[Emulator, Trace]:
         self._number += 1
-        path = self._folder / f"trace_{self._number}.csv"
+        path = self._folder / f"{self._scene.stem}_{self._number}.csv"
         return Emulator("--scene", str(self._scene), "--trace", str(path), port=port), Trace(path)
 
     def renew_service(self) -> None:
@@ -218,23 +222,18 @@ def _felt(scene: str, device: str, label: str, folder: Path, domain: int) -> Fel
     hand = f"hand={{kind: constant_wrench, force: [{numbers}], start_delay: {PUSH_AFTER_S}}}"
     path = folder / f"{scene}_{label.replace(' ', '_')}.yaml"
     copy_scene(scene, path, [f"device={device}", hand, "task=position"])
-    rows = folder / f"{path.stem}.csv"
-    with emulated("--scene", str(path), "--trace", str(rows)) as service:
-        parameters = {f"{DRIVER}.uri": service.uri}
-        environment = private_environment(domain)
-        with Graph(str(path), nodes=NODES, parameters=parameters, environment=environment):
-            trace = Trace(rows)
+    with closing(_Rig(path, folder, domain)) as rig:
 
-            def took() -> float:
-                """Return how long the push took for the way, s; zero as long as it has not."""
-                found = trace.look()
-                pushed = found[np.linalg.norm(found[:, 7:10], axis=1) > 0.5 * PUSH_N]
-                moved = (pushed[:, 1:4] - pushed[:1, 1:4]) @ push / PUSH_N
-                there = pushed[moved >= WAY, 0]
-                return float(there[0] - pushed[0, 0]) if there.size else 0.0
+        def took() -> float:
+            """Return how long the push took for the way, s; zero as long as it has not."""
+            found = rig.trace.look()
+            pushed = found[np.linalg.norm(found[:, 7:10], axis=1) > 0.5 * PUSH_N]
+            moved = (pushed[:, 1:4] - pushed[:1, 1:4]) @ push / PUSH_N
+            there = pushed[moved >= WAY, 0]
+            return float(there[0] - pushed[0, 0]) if there.size else 0.0
 
-            what = f"{scene} to move by {WAY:g} m through the driver"
-            taken = wait_until(took, PATIENCE_S, what, look_again_s=0.05)
+        what = f"{scene} to move by {WAY:g} m through the driver"
+        taken = wait_until(took, PATIENCE_S, what, look_again_s=0.05)
     return Felt(scene, label, (taken / alone) ** 2)
 
 
@@ -258,21 +257,19 @@ def run_benchmark(kills: int, frames: int, show: Show = silent, domain: int = 87
             rig.wait_for_force()
             before, begun = rig.ring.count, time.monotonic()
             time.sleep(5.0)
-            received = int((rig.ring.since(before)["topic"] == WATCHED).sum())
-            rate = received / (time.monotonic() - begun)
+            received = rig.ring.since(before)["topic"] == WATCHED
+            rate = float(received.sum()) / (time.monotonic() - begun)
             show(f"{rate:.1f} samples/s")
             for number in range(kills):
                 for victim in VICTIMS:
                     ends[victim].append(_ends(rig, victim))
                     show(f"{number}: {victim} {1e3 * ends[victim][-1]:.1f} ms")
-        ideal = "{preset: inverse3, coulomb_friction: 0.0, actuator_bandwidth: 0.0}"
         felt = tuple(
             _felt(one, device, label, folder, domain)
             for one in PUSHED
-            for label, device in (("as assumed", "{preset: inverse3}"), ("no friction", ideal))
+            for label, device in DEVICES.items()
         )
-    found = {victim: tuple(of) for victim, of in ends.items()}
-    return HaplyResults(machine(), found, frames, escaped, rate, felt)
+    return HaplyResults(machine(), ends, frames, escaped, rate, felt)
 
 
 def haply(

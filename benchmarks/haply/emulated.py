@@ -7,8 +7,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -31,14 +30,12 @@ class Emulator:
     """
 
     def __init__(self, *arguments: str, port: int = 0) -> None:
-        command = [sys.executable, "-m", "hapticmech_ros", "device", "emulate", "inverse3"]
-        command += ["--port", str(port), *arguments]
+        emulate = [sys.executable, "-m", "hapticmech_ros", "device", "emulate", "inverse3"]
         self.process: subprocess.Popen[str] = start_process(
-            command, private_environment(), pipe_output=True
+            [*emulate, "--port", str(port), *arguments], private_environment(), pipe_output=True
         )
         line = next_line(self.process, STARTS_WITHIN_S)
-        found = re.search(r"ws://127\.0\.0\.1:(\d+)", line or "")
-        if found is None:
+        if (found := re.search(r"ws://127\.0\.0\.1:(\d+)", line or "")) is None:
             stop_process(self.process)
             raise BenchError(f"the emulator does not start: {line!r}")
         self.port = int(found[1])
@@ -60,14 +57,9 @@ class Emulator:
             self.process.stdout.close()
 
 
-@contextmanager
-def emulated(*arguments: str, port: int = 0) -> Iterator[Emulator]:
+def emulated(*arguments: str, port: int = 0) -> closing[Emulator]:
     """Run the service for as long as the block lasts."""
-    emulator = Emulator(*arguments, port=port)
-    try:
-        yield emulator
-    finally:
-        emulator.close()
+    return closing(Emulator(*arguments, port=port))
 
 
 class Trace:
@@ -95,8 +87,7 @@ class Trace:
             lines, _, self._rest = text.rpartition("\n")
             new = [line for line in lines.splitlines() if line and not line.startswith("time")]
             if new:
-                numbers = np.array([[float(cell) for cell in line.split(",")] for line in new])
-                self.rows = np.concatenate((self.rows, numbers))
+                self.rows = np.vstack((self.rows, np.loadtxt(new, delimiter=",", ndmin=2)))
         return self.rows
 
     def force_since(self, time: float) -> tuple[Array, Array]:

@@ -23,6 +23,7 @@ from websockets.sync.client import connect
 
 from benchmarks import children
 from benchmarks.children import BenchError
+from hapticmech_ros.graph.processes import stop_process
 
 Found = TypeVar("Found")
 
@@ -71,12 +72,11 @@ class Browser:
     """
 
     def __init__(self, folder: Path) -> None:
-        program = chromium()
-        if program is None:
+        if (program := chromium()) is None:
             raise BenchError("Chromium is not installed: apt install chromium")
         command = [program, *FLAGS, f"--user-data-dir={folder}", "about:blank"]
         self._process = subprocess.Popen(
-            command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+            command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, text=True
         )
         told = folder / "DevToolsActivePort"
 
@@ -100,12 +100,7 @@ class Browser:
         """End it."""
         for page in self._pages:
             page.connection.close()
-        self._process.terminate()
-        try:
-            self._process.wait(20.0)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+        stop_process(self._process)
 
 
 class Connection:
@@ -127,9 +122,7 @@ class Connection:
         Raises:
             BenchError: it fails, or does not answer.
         """
-        number = next(self._numbers)
-        message = {"id": number, "method": method, "params": parameters}
-        self._socket.send(json.dumps(message))
+        number = self._send(method, params=parameters)
         with self._came:
             self._came.wait_for(
                 lambda: number in self._answers or self._end < float("inf"), PATIENCE_S
@@ -168,12 +161,14 @@ class Connection:
             if message.get("method") == "Target.attachedToTarget":
                 # A worker waits until it is watched.
                 session = message["params"]["sessionId"]
-                self._post("Network.enable", session)
-                self._post("Runtime.runIfWaitingForDebugger", session)
+                self._send("Network.enable", sessionId=session)
+                self._send("Runtime.runIfWaitingForDebugger", sessionId=session)
 
-    def _post(self, method: str, session: str) -> None:
-        message = {"id": next(self._numbers), "method": method, "sessionId": session}
-        self._socket.send(json.dumps(message))
+    def _send(self, method: str, **more: object) -> int:
+        """Send a call, and return its number."""
+        number = next(self._numbers)
+        self._socket.send(json.dumps({"id": number, "method": method, **more}))
+        return number
 
 
 class Page:
@@ -285,8 +280,8 @@ class Page:
         """Return whether a pixel is not white."""
         clip = {"x": x, "y": y, "width": 1, "height": 1, "scale": 1}
         taken = self.connection.call("Page.captureScreenshot", format="png", clip=clip)
-        pixel = imread(io.BytesIO(base64.b64decode(taken["data"])))
-        return bool((pixel[..., :3] < 0.97).any())
+        picture = imread(io.BytesIO(base64.b64decode(taken["data"])))
+        return bool((picture[..., :3] < 0.97).any())
 
     def addresses(self) -> set[str]:
         """Return all addresses that were asked for, websockets included."""

@@ -4,24 +4,22 @@
 
 from __future__ import annotations
 
-import os
 import re
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import closing, contextmanager, suppress
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import numpy as np
-import rclpy
 from geometry_msgs.msg import WrenchStamped
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
 from benchmarks.children import BenchError
 from benchmarks.live.browser import Page, wait_until
 from benchmarks.live.served import drag, sight
+from benchmarks.reliability.caller import Stranger
 from hapticmech_ros.graph.processes import private_environment, stop_process
 from hapticmech_ros.nodes.messages import STREAM_PUBLISHER
 from hapticmech_ros.numerics import Array
@@ -33,41 +31,34 @@ JUMP, STILL_S = 40, 0.5
 SHARE, LEAST_N = 0.5, 0.02
 
 
-class _Forces:
+class _Forces(Stranger):
     """Hears the wrenches that the page sends to the device: arrival, monotonic s, and N."""
 
-    def __init__(self) -> None:
+    def __init__(self, environment: Mapping[str, str]) -> None:
+        super().__init__("watch", environment)
         self.rows: list[tuple[float, float, float]] = []
-        rclpy.init()
-        self._node = rclpy.create_node("watch")
         topic = "device/hand_cf/live_page"
-        self._node.create_subscription(WrenchStamped, topic, self._received, STREAM_PUBLISHER)
-        self._executor = SingleThreadedExecutor()
-        self._executor.add_node(self._node)
-        self._thread = threading.Thread(target=self._spin)
+        self.node.create_subscription(WrenchStamped, topic, self._received, STREAM_PUBLISHER)
+        self._thread = threading.Thread(target=self.executor.spin)
         self._thread.start()
-
-    def _spin(self) -> None:
-        with suppress(ExternalShutdownException):
-            self._executor.spin()
 
     def _received(self, message: WrenchStamped) -> None:
         force = message.wrench.force
         self.rows.append((time.monotonic(), force.x, force.y))
 
     def close(self) -> None:
-        """Hear no more."""
-        rclpy.shutdown()
+        """Hear no more, and leave the graph."""
+        self.executor.shutdown()
         self._thread.join()
+        super().close()
 
 
 @contextmanager
 def running(scene: str, folder: Path) -> Iterator[tuple[str, _Forces]]:
     """Run a graph with a page, and yield its address and what is heard of its forces."""
     environment = private_environment(73)
-    os.environ.update(environment)
-    command = [sys.executable, "-m", "hapticmech_ros", "run", scene, "--live"]
-    command += ["-p", "haptic_device.hand=commanded", "-p", f"live_page.port={PORT}"]
+    settings = ("-p", "haptic_device.hand=commanded", "-p", f"live_page.port={PORT}")
+    command = [sys.executable, "-m", "hapticmech_ros", "run", scene, "--live", *settings]
     output = folder / "graph.log"
     with output.open("w") as stream:
         process = subprocess.Popen(
@@ -78,7 +69,7 @@ def running(scene: str, folder: Path) -> Iterator[tuple[str, _Forces]]:
                 lambda: re.findall(r"\[live_page\]: (http\S+)", output.read_text("utf-8")),
                 "the page's address",
             )
-            with closing(_Forces()) as forces:
+            with closing(_Forces(environment)) as forces:
                 yield found[0], forces
         finally:
             stop_process(process)

@@ -131,8 +131,9 @@ def sight(page: Page, scene: str) -> Sight:
         "(() => { const r = document.querySelector('canvas').getBoundingClientRect();"
         " return [r.x, r.y, r.width, r.height]; })()"
     )
-    distance = float(np.linalg.norm(eye - centre))
-    scale = 0.5 * height / float(np.tan(0.5 * FIELD_OF_VIEW)) / distance
+    # Of what is seen there, half of its height, m.
+    half = float(np.tan(0.5 * FIELD_OF_VIEW) * np.linalg.norm(eye - centre))
+    scale = 0.5 * height / half
     return Sight(state, frame, (left + 0.5 * width, top + 0.5 * height), centre, scale)
 
 

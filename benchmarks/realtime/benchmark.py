@@ -8,7 +8,8 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -86,33 +87,41 @@ class RealtimeResults(MachineResults):
 
     def sheets(self) -> Iterator[Sheet]:
         """Yield medians of each way, on an idle and on a busy machine."""
-        groups: dict[tuple[int, str], list[Watched]] = {}
+        groups: dict[tuple[int, str], list[Watched]] = defaultdict(list)
         for run in self.runs:
-            groups.setdefault((run.busy, run.way), []).append(run)
+            groups[run.busy, run.way].append(run)
         rows = []
         for (busy, way), runs in sorted(groups.items(), key=lambda item: item[0][0]):
             seen = [
                 ([run.figures[name] for run in runs if name in run.figures], style)
                 for name, style in SHOWN.items()
             ]
-            middle = [median(run.command_s[0] for run in runs)]
+            usual = median(run.command_s[0] for run in runs)
+            longest = max(run.command_s[1] for run in runs)
             rows.append(
                 (
                     str(busy),
                     way,
                     f"{sum(not run.failure for run in runs)} of {len(runs)}",
                     *(number(median(of) if of else None, style) for of, style in seen),
-                    *(f"{1e3 * one:.0f}" for one in (*middle, max(r.command_s[1] for r in runs))),
+                    *(f"{1e3 * one:.0f}" for one in (usual, longest)),
                 )
             )
-        headings = ("busy programs", "realtime", "sound", "p50", "p99", "max", "missed, %")
+        headings = (
+            *("busy programs", "realtime", "sound", "p50", "p99", "max", "missed, %"),
+            *("command", "longest"),
+        )
         caption = (
             f"medians of runs of {self.seconds:g} s; sample to answer, µs; deadlines missed by the "
             "device; ms that starting a program takes, median and longest"
         )
         beside = ", and a recorder" if self.recorded else ""
-        title = f"{SCENE} at {RATE_HZ:g} Hz in four processes{beside}"
-        yield Sheet(title, (*headings, "command", "longest"), tuple(rows), caption=caption)
+        yield Sheet(
+            f"{SCENE} at {RATE_HZ:g} Hz in four processes{beside}",
+            headings,
+            tuple(rows),
+            caption=caption,
+        )
 
 
 def run_benchmark(
@@ -143,8 +152,9 @@ def run_benchmark(
         for repeat in range(1, repeats + 1):
             for way, settings in WAYS.items():
                 show(f"{busy} busy programs, realtime {way}: run {repeat} of {repeats}")
-                given = tuple((settings or {}).items())
-                configuration = Configuration(RATE_HZ, "separate", recorded, settings=given)
+                configuration = Configuration(
+                    RATE_HZ, "separate", recorded, settings=tuple((settings or {}).items())
+                )
                 with _beside(busy) as commands:
                     step = Step(configuration, repeat, "bare" if settings is None else "real")
                     run = measure(step, place, point, seconds, out, session)
@@ -193,10 +203,7 @@ def _beside(busy: int) -> Iterator[list[float]]:
 
 
 def _start_programs(taken: list[float], over: threading.Event) -> None:
-    environment: Mapping[str, str] = {}
-    while True:
+    while not taken or not over.wait(COMMAND_PERIOD_S):
         begun = time.monotonic()
-        subprocess.run([sys.executable, "-S", "-c", ""], env=environment, check=True)
+        subprocess.run([sys.executable, "-S", "-c", ""], env={}, check=True)
         taken.append(time.monotonic() - begun)
-        if over.wait(COMMAND_PERIOD_S):
-            return

@@ -4,16 +4,19 @@
 
 from __future__ import annotations
 
-import argparse
 import importlib
 import math
-import sys
 import time
-from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from benchmarks.reliability.document import publish
 from benchmarks.reliability.figure import Figure, load, machine_speed, save, table, unmeasured
+from benchmarks.words import refuse_unknown
+from hapticmech_ros.cli import run_app
 from hapticmech_ros.compilation.library import compile_ahead
 from hapticmech_ros.errors import HapticMechError
 
@@ -33,41 +36,63 @@ PARTS = {
     "disk": "a full disk",
     "soak": "a session, and an hour of rendering: memory, descriptors, threads",
 }
+LISTED = "; ".join(f"{name}: {what}" for name, what in PARTS.items())
 # Those that run at another control rate too.
 RATED = ("kills", "freezes")
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run parts of the campaign, or all; return 0 if every figure keeps its limits."""
-    parser = _parser()
-    asked = parser.parse_args(arguments)
-    if asked.rate and not (asked.parts and set(asked.parts) <= set(RATED)):
-        parser.error(f"--rate: only with parts {' and '.join(RATED)}")
-    out = asked.out.resolve()
+app = typer.Typer(
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+@app.command(epilog="Limits and how it is measured: docs/reliability.md.")
+def campaign(
+    parts: Annotated[
+        list[str] | None, typer.Argument(metavar="PART", help=f"all if none; {LISTED}")
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="a few trials of each kind")] = False,
+    rate: Annotated[float, typer.Option(help=f"control rate, Hz, of {', '.join(RATED)}")] = 0.0,
+    out: Annotated[Path, typer.Option(help="folder for figures and logs")] = Path("reliability"),
+    table_only: Annotated[
+        bool, typer.Option("--table", help="write figures of an earlier run into the document")
+    ] = False,
+) -> None:
+    """Faults of every kind against the graph, and what it does about them.
+
+    Ends with 1 if a figure does not keep its limits.
+    """
+    refuse_unknown("part", parts or (), PARTS)
+    if rate and not (parts and set(parts) <= set(RATED)):
+        raise typer.BadParameter(f"--rate: only with parts {' and '.join(RATED)}")
+    out = out.resolve()
     path = out / JSON_NAME
-    if asked.table:
+    if table_only:
         publish(load(path))
-        return 0
+        return
     out.mkdir(parents=True, exist_ok=True)
     # Else every node of the first graph waits for it, and the trial's patience ends before.
     compile_ahead()
-    parts = list(dict.fromkeys(asked.parts)) or list(PARTS)
+    chosen = list(dict.fromkeys(parts or PARTS))
     before = load(path) if path.exists() else []
     found = {name: [figure for figure in before if figure.part == name] for name in PARTS}
-    for name in parts:
+    for name in chosen:
         begun = time.monotonic()
         print(f"== {name}: {PARTS[name]}", flush=True)
-        found[name] = run_part(name, asked.quick, out, asked.rate)
+        found[name] = run_part(name, quick, out, rate)
         if not all(math.isnan(figure.value) for figure in found[name]):
             # Of each part: they may be run on different days.
-            found[name].append(machine_speed(name))
+            found[name].append(replace(machine_speed(), part=name))
         # After each part: hours of measurements are not lost with the next one.
         save([figure for figures in found.values() for figure in figures], path)
         print(f"== {name}: {time.monotonic() - begun:.0f} s\n", flush=True)
-    measured = [figure for name in parts for figure in found[name]]
+    measured = [figure for name in chosen for figure in found[name]]
     print(table(measured))
     print(path)
-    return 0 if all(figure.kept for figure in measured) else 1
+    if not all(figure.kept for figure in measured):
+        raise typer.Exit(1)
 
 
 def run_part(name: str, quick: bool, out: Path, rate: float = 0.0) -> list[Figure]:
@@ -81,34 +106,11 @@ def run_part(name: str, quick: bool, out: Path, rate: float = 0.0) -> list[Figur
     """
     part = importlib.import_module(f"{HERE}.{name}")
     try:
-        return list[Figure](part.run(quick, out, **({"rate": rate} if rate else {})))
+        figures: list[Figure] = part.run(quick, out, **({"rate": rate} if rate else {}))
     except HapticMechError as error:
-        return [unmeasured(name, PARTS[name], f"broke off: {error}")]
-
-
-def _parser() -> argparse.ArgumentParser:
-    lines = "\n".join(f"  {name:9} {what}" for name, what in PARTS.items())
-    parser = argparse.ArgumentParser(
-        prog=f"python -m {HERE}",
-        description="Faults of every kind against the graph, and what it does about them.",
-        epilog=f"parts:\n{lines}\n\nLimits and how it is measured: docs/reliability.md.",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument(
-        "parts", nargs="*", metavar="PART", choices=[[], *PARTS], help="all if none"
-    )
-    parser.add_argument("--quick", action="store_true", help="a few trials of each kind")
-    parser.add_argument(
-        "--rate", type=float, default=0.0, metavar="HZ", help=f"control rate, of {', '.join(RATED)}"
-    )
-    parser.add_argument(
-        "--out", type=Path, default=Path("reliability"), help="folder for figures and logs"
-    )
-    parser.add_argument(
-        "--table", action="store_true", help="write figures of an earlier run into the document"
-    )
-    return parser
+        figures = [unmeasured(PARTS[name], str(error))]
+    return [replace(figure, part=name) for figure in figures]
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_app(app)

@@ -35,8 +35,8 @@ class Stranger:
     def __init__(
         self, name: str, environment: Mapping[str, str], executor: Any = SingleThreadedExecutor
     ) -> None:
-        names = ("FASTRTPS_DEFAULT_PROFILES_FILE", "ROS_DOMAIN_ID")
-        os.environ.update({name: environment[name] for name in names if name in environment})
+        chosen = {"FASTRTPS_DEFAULT_PROFILES_FILE", "ROS_DOMAIN_ID"} & environment.keys()
+        os.environ.update({name: environment[name] for name in chosen})
         self._context = Context()
         rclpy.init(context=self._context, domain_id=int(environment["ROS_DOMAIN_ID"]))
         self.node = rclpy.create_node(name, context=self._context)

@@ -13,9 +13,9 @@ from functools import partial
 from pathlib import Path
 
 from benchmarks.reliability.emergency import summarised_stops, try_stop
-from benchmarks.reliability.figure import Figure, unmeasured
+from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.rig import Rig
-from benchmarks.reliability.stepped_clock import NoCompilerError, SteppedClock, compiler
+from benchmarks.reliability.stepped_clock import SteppedClock
 from benchmarks.reliability.trial import (
     Fault,
     Trial,
@@ -26,7 +26,6 @@ from benchmarks.reliability.trial import (
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.wire.topics import DEVICE
 
-PART = "clocks"
 TRIALS, QUICK_TRIALS = 50, 2
 # NTP's daily bread, and a machine whose battery was empty; a simulator that is reset.
 STEPS_S, SIMULATED_STEPS_S = (5.0, 600.0), (8.0,)
@@ -38,11 +37,11 @@ _STEPPED = re.compile(r"\b(step|jump|went|go|moved|back|forward|ahead|set|change
 
 
 def run(quick: bool, out: Path) -> list[Figure]:
-    """Step every clock 50 times each way (quick: twice)."""
-    try:
-        compiler()
-    except NoCompilerError as error:
-        return [unmeasured(PART, "steps of clocks", str(error))]
+    """Step every clock 50 times each way (quick: twice).
+
+    Raises:
+        NoCompilerError: there is no C compiler.
+    """
     number = QUICK_TRIALS if quick else TRIALS
     return [*_machine(number, out), *_one_host(number, out), *_simulated(number, out)]
 
@@ -64,28 +63,20 @@ def _by_turns(index: int) -> bool:
     return (index + pair + pair // 2) % 2 == 0
 
 
-def try_step(rig: Rig, clock: SteppedClock, seconds: float, words: str) -> Trial:
-    """Step a clock that the device lives by, and return what the device did."""
-    since = rig.ready()
-    stepped_ns = clock.step(seconds)
-    fault = Fault(f"{words} {seconds:+g} s", since, stepped_ns, stepped_ns)
-    return observe(rig, fault, about_clock)
-
-
-def try_wrong_host(
-    rig: Rig, clock: SteppedClock, seconds: float, has_device: bool, words: str
+def try_step(
+    rig: Rig, clock: SteppedClock, seconds: float, words: str, wrong_s: float = 0.0
 ) -> Trial:
-    """Step the clock of one host for a second, and put it right again.
+    """Step a clock, put it right again if it is wrong for a time (s), and return what followed.
 
     Hosts whose clocks disagree cannot tell how old a message is: the hand is to be left alone until
     they agree again.
     """
-    since = rig.ready()
-    stepped_ns = clock.step(seconds)
-    offset_ns = clock.offset_ns if has_device else rig.offset_ns
-    time.sleep(WRONG_S)
-    righted_ns = clock.step(-seconds)
-    kind = f"{words} {seconds:+g} s for {WRONG_S:g} s"
+    since, kind = rig.ready(), f"{words} {seconds:+g} s"
+    stepped_ns = righted_ns = clock.step(seconds)
+    offset_ns = rig.offset_ns
+    if wrong_s:
+        time.sleep(wrong_s)
+        righted_ns, kind = clock.step(-seconds), f"{kind} for {wrong_s:g} s"
     fault = Fault(kind, since, stepped_ns, righted_ns, offset_ns=offset_ns)
     return observe(rig, fault, about_clock)
 
@@ -102,17 +93,16 @@ def _machine(number: int, out: Path) -> list[Figure]:
     """Step the clock of all nodes; then also call the emergency stop after it."""
     hosted, sizes = tuple(NODES), steps(number, STEPS_S)
     with _stepped("day") as (clock,), Rig(out, "clocks_machine", [(hosted, clock)]) as rig:
-        figures = report_delays(PART, rig) + _each_size(rig, clock, sizes, "machine's clock")
+        figures = report_delays(rig) + _each_size(rig, clock, sizes, "machine's clock")
         stops = []
         for index, seconds in enumerate(sizes):
             stops.append(try_stop(rig, clock, seconds, at_once=_by_turns(index)))
             print(stops[-1].line)
-    return figures + summarised_stops(PART, stops)
+    return figures + summarised_stops(stops)
 
 
 def _each_size(rig: Rig, clock: SteppedClock, sizes: Sequence[float], words: str) -> list[Figure]:
-    faults = ((words, partial(try_step, rig, clock, size, words)) for size in sizes)
-    return carried_out(PART, rig, faults)
+    return carried_out(rig, ((words, partial(try_step, rig, clock, s, words)) for s in sizes))
 
 
 def _one_host(number: int, out: Path) -> list[Figure]:
@@ -123,18 +113,23 @@ def _one_host(number: int, out: Path) -> list[Figure]:
     ):
 
         def wrong(index: int, seconds: float) -> Trial:
-            at_device = _by_turns(index)
-            clock, words = (near, "device's host") if at_device else (far, "other host")
-            return try_wrong_host(rig, clock, seconds, at_device, words)
+            clock, words = (near, "device's host") if _by_turns(index) else (far, "other host")
+            return try_step(rig, clock, seconds, words, WRONG_S)
 
         sizes = enumerate(steps(number, STEPS_S))
-        return carried_out(PART, rig, (("one host's clock", partial(wrong, *one)) for one in sizes))
+        return carried_out(rig, (("one host's clock", partial(wrong, *one)) for one in sizes))
 
 
 def _simulated(number: int, out: Path) -> list[Figure]:
-    given = {"use_sim_time": True}
     with (
         _stepped("day") as (clock,),
-        Rig(out, "clocks_sim", parameters=given, clock=clock, composed=True, rate=RATE) as rig,
+        Rig(
+            out,
+            "clocks_sim",
+            parameters={"use_sim_time": True},
+            clock=clock,
+            composed=True,
+            rate=RATE,
+        ) as rig,
     ):
         return _each_size(rig, clock, steps(number, SIMULATED_STEPS_S), "/clock")

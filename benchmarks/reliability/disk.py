@@ -14,14 +14,13 @@ import time
 from pathlib import Path
 
 from benchmarks.children import wait_until
-from benchmarks.reliability.figure import Figure, unmeasured
-from benchmarks.reliability.full_disk import FullDisk, NoDiskError
+from benchmarks.reliability.figure import Figure
+from benchmarks.reliability.full_disk import FullDisk
 from benchmarks.reliability.rig import Rig
 from benchmarks.reliability.soak import growth, render
 from benchmarks.reliability.trial import GOAL_PEAK
 from hapticmech_ros.graph.processes import stop_process
 
-PART = "disk"
 FULL_S, QUICK_FULL_S = 600.0, 10.0
 MEGABYTES = 4
 FILLS_WITHIN_S = 120.0
@@ -30,18 +29,14 @@ HAPTICMECH = [sys.executable, "-m", "hapticmech_ros"]
 
 
 def run(quick: bool, out: Path) -> list[Figure]:
-    """Let a graph render on a full disk for ten minutes (quick: seconds)."""
-    try:
-        with FullDisk(out / "full_disk", MEGABYTES) as disk:
-            return _on(disk, QUICK_FULL_S if quick else FULL_S, out)
-    except NoDiskError as error:
-        return [unmeasured(PART, "on a full disk", str(error))]
+    """Let a graph render on a full disk for ten minutes (quick: seconds).
 
-
-def _on(disk: FullDisk, seconds: float, out: Path) -> list[Figure]:
-    logs = {"ROS_LOG_DIR": str(disk.path / "log")}
-    bag, told = disk.path / "bag", out / "disk_recorder.log"
-    with Rig(out, PART, variables=logs) as rig:
+    Raises:
+        NoDiskError: this machine lets nobody mount a disk in memory.
+    """
+    folder, told = out / "full_disk", out / "disk_recorder.log"
+    bag, logs = folder / "bag", {"ROS_LOG_DIR": str(folder / "log")}
+    with FullDisk(folder, MEGABYTES) as disk, Rig(out, "disk", variables=logs) as rig:
         rig.ready()
         with told.open("w") as log:
             record = [*HAPTICMECH, "bag", "record", "--all", "--out", str(bag)]
@@ -54,29 +49,29 @@ def _on(disk: FullDisk, seconds: float, out: Path) -> list[Figure]:
         finally:
             stop_process(recorder)
         disk.fill()
-        found = render(rig, seconds, LOOKS)
+        found = render(rig, QUICK_FULL_S if quick else FULL_S, LOOKS)
+        repaired = _repaired(bag, out)
     sentence = told.read_text(encoding="utf-8")
     plain = "No space left on device" in sentence and "Traceback" not in sentence
     return [
-        Figure(PART, "rendered on a full disk for", found.seconds, "s", trials=1),
-        Figure(PART, "largest force, of a clean run's", found.peak / rig.clean_max, "", GOAL_PEAK),
+        Figure("rendered on a full disk for", found.seconds, "s", trials=1),
+        Figure("largest force, of a clean run's", found.peak / rig.clean_max, "", GOAL_PEAK),
         Figure(
-            PART,
             "share of samples with force",
             found.pushed / max(found.samples, 1),
             "",
             None,
             0.99,
         ),
-        Figure(PART, "samples", found.samples / found.seconds, "Hz"),
-        Figure(PART, "rendering broke off", float(found.breaks), "times"),
-        Figure(PART, "recorder: says that the disk is full", float(plain), "", None, 1.0, 1),
-        Figure(PART, "recorder: exit code", float(recorder.returncode), "", 1.0, 1.0, 1),
-        Figure(PART, "messages repaired of its bag", _repaired(bag, out), "", None, 1.0, 1),
+        Figure("samples", found.samples / found.seconds, "Hz"),
+        Figure("rendering broke off", float(found.breaks), "times"),
+        Figure("recorder: says that the disk is full", float(plain), "", None, 1.0, 1),
+        Figure("recorder: exit code", float(recorder.returncode), "", 1.0, 1.0, 1),
+        Figure("messages repaired of its bag", repaired, "", None, 1.0, 1),
         *(
             figure
             for node, held in found.held.items()
-            for figure in growth(PART, node, found.times, held, "resident memory")
+            for figure in growth(node, found.times, held, "resident memory")
         ),
     ]
 

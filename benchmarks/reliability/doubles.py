@@ -13,7 +13,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -36,7 +36,6 @@ from hapticmech_ros.wire.topics import ANALYSER, CONTROLLER
 from hapticmech_ros.wire.topics import DEVICE as DEVICE_NODE
 from hapticmech_ros.wire.topics import MECHANISM as MECHANISM_NODE
 
-PART = "doubles"
 TRIALS, QUICK_TRIALS = 50, 2
 STAYS_S, JOINS_WITHIN_S = 1.5, 20.0
 # Beside other programs a process may take half a minute to start. One that has been up for so long,
@@ -54,8 +53,8 @@ MOST_GROWN = 1.5
 # N and N m, far from what the scene's gains command. A commander that is alone holds the device:
 # else the hand pushes it away, and is braked when the graph takes hold of it again.
 PUSH = ("4.0", "0", "0", "0", "0", "0")
-DRIVER, COMMANDER, GAIN = "foreign_driver", "foreign_commander", "foreign_gain"
-FOREIGN = {DRIVER: "driver", COMMANDER: "commander", GAIN: "gain"}
+FOREIGN = "foreign_"
+DRIVER, COMMANDER, GAIN = (FOREIGN + kind for kind in ("driver", "commander", "gain"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,11 +96,11 @@ class Double:
         self._watch, self._topic = rig.watch, kind.speaks_on
         self.teller: ReportingProcess | None = None
         self._stop: Callable[[], object]
-        if kind.name in FOREIGN:
+        if kind.name.startswith(FOREIGN):
             pushes = kind.name == COMMANDER and not alone
-            arguments = (FOREIGN[kind.name], *(PUSH if pushes else ()))
+            arguments = (kind.name.removeprefix(FOREIGN), *(PUSH if pushes else ()))
             environment = rig.environment_of(kind.original)
-            self.teller = rig.start("foreigner.py", *arguments, environment=environment)
+            self.teller = rig.start("foreigner", *arguments, environment=environment)
             self._process, self._stop = self.teller.process, self.teller.stop
         else:
             graph = rig.another(kind.original)
@@ -141,13 +140,13 @@ def silent_from(
 def run(quick: bool, out: Path) -> list[Figure]:
     """Let every kind of double join 50 times (quick: twice), half of them before the original."""
     number = QUICK_TRIALS if quick else TRIALS
-    with Rig(out, PART, all_topics=True) as rig:
-        figures = report_delays(PART, rig)
+    with Rig(out, "doubles", all_topics=True) as rig:
+        figures = report_delays(rig)
         for kind in KINDS:
             shares = rig.shares()
             ways = [(index % 2 == 0, index % 4 >= 2) for index in range(number)]
             doubles = ((kind.name, partial(try_double, rig, kind, *way)) for way in ways)
-            figures += carried_out(PART, rig, doubles)
+            figures += carried_out(rig, doubles)
             rig.ready()
             figures.append(grown(kind.name, shares, rig.shares()))
     return figures
@@ -158,12 +157,16 @@ def grown(kind: str, before: Mapping[int, float], after: Mapping[int, float]) ->
 
     Args:
         kind: of the double.
-        before: share by process, before its trials.
+        before: share by process, %, before its trials.
         after: the same after them.
     """
     ratios = [after[one] / before[one] for one in before if one in after]
-    name = f"{kind}: processor time of nodes that stayed, largest, of before"
-    return Figure(PART, name, max(ratios, default=math.nan), "", MOST_GROWN, None, len(ratios))
+    return Figure(
+        f"{kind}: processor time of nodes that stayed, largest, of before",
+        max(ratios, default=math.nan),
+        most=MOST_GROWN,
+        trials=len(ratios),
+    )
 
 
 def try_double(rig: Rig, kind: Kind, before: bool, killed: bool = False) -> Trial:
@@ -178,8 +181,7 @@ def try_double(rig: Rig, kind: Kind, before: bool, killed: bool = False) -> Tria
     order = f"{kind.name} {'before' if before else 'after'} {kind.original}"
     since = rig.ready()
     if before:
-        graph = rig.graph_of(kind.original)
-        graph.kill(kind.original)
+        rig.graph_of(kind.original).kill(kind.original)
     asked_ns = time.monotonic_ns()
     with ExitStack() as stack:
         joined = Double(rig, kind, alone=before)
@@ -194,16 +196,14 @@ def try_double(rig: Rig, kind: Kind, before: bool, killed: bool = False) -> Tria
         time.sleep(STAYS_S)
         left_ns = joined.leave(killed)
         cause_ns = _cause(rig, kind, since, asked_ns, first_ns)
-        fault = Fault(f"{order}{', killed' if killed else ''}", since, cause_ns, left_ns)
-        fault = replace(fault, topics=kind.outputs)
-        names = (kind.name, kind.original)
-        return observe(rig, fault, lambda text: _names(text, names))
+        order += ", killed" if killed else ""
+        fault = Fault(order, since, cause_ns, left_ns, topics=kind.outputs)
 
+        def names_both(text: str) -> bool:
+            # A double's name holds the original's.
+            return kind.name in text and kind.original in text.replace(kind.name, "")
 
-def _names(text: str, names: tuple[str, str]) -> bool:
-    """Return whether a sentence names both; a double's name holds the original's."""
-    second, first = names
-    return second in text and first in text.replace(second, "")
+        return observe(rig, fault, names_both)
 
 
 def _wait_alone(rig: Rig, kind: Kind, joined: Double) -> None:
@@ -278,9 +278,12 @@ def _to_the_device(firsts: Sequence[int], received_ns: np.ndarray) -> int | None
 
 def _cause(rig: Rig, kind: Kind, since: int, asked_ns: int, first_ns: int | None) -> int:
     """Return when the newcomer was first heard; if never, when force ended, or it was asked."""
-    logs = [event for event in rig.said(asked_ns) if event["by"] == "log"]
     # The middleware may not know the newcomer's name yet.
-    told = [event["at_ns"] - LOGGED_NS for event in logs if SECOND in event["text"]]
+    told = [
+        event["at_ns"] - LOGGED_NS
+        for event in rig.said(asked_ns)
+        if event["by"] == "log" and SECOND in event["text"]
+    ]
     found = rig.samples(since, *kind.outputs)
     found = found[found["arrived_ns"] > asked_ns]
     return first_heard(first_ns, told, found["arrived_ns"], pushing(found), asked_ns)

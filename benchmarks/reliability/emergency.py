@@ -58,8 +58,7 @@ def try_stop(rig: Rig, clock: SteppedClock, seconds: float, at_once: bool) -> St
         found = rig.samples(since)
         found = found[found["arrived_ns"] >= stepped_ns]
         on, arrived = pushing(found), found["arrived_ns"]
-        last = int(arrived[on][-1]) if on.any() else stepped_ns
-        after = arrived[~on & (arrived >= last)]
+        after = arrived[~on & (arrived >= arrived[on].max(initial=stepped_ns))]
         zero_ms = float(after[0] - answered_ns) / MS if after.size else math.inf
         with suppress(BenchError):
             caller.stop(False)
@@ -68,9 +67,9 @@ def try_stop(rig: Rig, clock: SteppedClock, seconds: float, at_once: bool) -> St
     return Stop(f"clock {seconds:+g} s, {when}", success, zero_ms)
 
 
-def summarised_stops(part: str, stops: Sequence[Stop]) -> list[Figure]:
+def summarised_stops(stops: Sequence[Stop]) -> list[Figure]:
     """Return the worst of some calls as figures."""
-    figure = figures_of(part, "emergency stop after a step", len(stops))
+    figure = figures_of("emergency stop after a step", len(stops))
     share = 100.0 * sum(stop.success for stop in stops) / len(stops) if stops else math.nan
     worst = max((stop.zero_ms for stop in stops), default=math.nan)
     note = "the answer and the output reach two processes"

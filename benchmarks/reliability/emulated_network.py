@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import ctypes
 import fcntl
+import itertools
 import json
 import os
 import shutil
@@ -19,10 +20,12 @@ import struct
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path as FilePath
 
 from benchmarks.children import ROOT
+from hapticmech_ros.errors import HapticMechError
 
 DEVICE, REST = "device", "rest"
 ADDRESSES = {DEVICE: "10.87.0.1", REST: "10.87.0.2"}
@@ -55,6 +58,10 @@ class Path:
     out: bool = False
 
 
+class NoNetworkError(HapticMechError):
+    """No network can be emulated here."""
+
+
 def not_permitted() -> str:
     """Return why no network can be emulated here; empty if it can."""
     if sys.platform != "linux" or shutil.which("ip") is None:
@@ -64,14 +71,12 @@ def not_permitted() -> str:
     name = f"hm{os.getpid()}p"
     try:
         _ip("netns", "add", name)
+        try:
+            _ip("-n", name, "link", "add", "a0", "type", "veth", "peer", "name", "b0")
+        finally:
+            _ip("netns", "del", name)
     except RuntimeError as error:
-        return f"no network namespaces: {error}"
-    try:
-        _ip("-n", name, "link", "add", "a0", "type", "veth", "peer", "name", "b0")
-    except RuntimeError as error:
-        return f"no virtual Ethernet: {error}"
-    finally:
-        _ip("netns", "del", name)
+        return f"no network namespaces, or no virtual Ethernet: {error}"
     return ""
 
 
@@ -86,11 +91,10 @@ class EmulatedNetwork:
         counts: of packets, by direction, as of the last change.
     """
 
-    _made = 0
+    _numbers = itertools.count(1)
 
     def __init__(self, to_rest: Path | None = None, to_device: Path | None = None) -> None:
-        EmulatedNetwork._made += 1
-        stem = f"hm{os.getpid()}x{EmulatedNetwork._made}"
+        stem = f"hm{os.getpid()}x{next(self._numbers)}"
         self.namespaces = {DEVICE: f"{stem}d", REST: f"{stem}r"}
         self._wire = f"{stem}w"
         self._forwarder: subprocess.Popen[str] | None = None
@@ -98,6 +102,13 @@ class EmulatedNetwork:
         self._paths = {"to_rest": to_rest or Path(), "to_device": to_device or Path()}
 
     def __enter__(self) -> EmulatedNetwork:
+        """Make the namespaces and start the forwarder.
+
+        Raises:
+            NoNetworkError: this machine does not let us.
+        """
+        if reason := not_permitted():
+            raise NoNetworkError(reason)
         try:
             self._build()
         except BaseException:
@@ -118,9 +129,8 @@ class EmulatedNetwork:
         forwarder = self._forwarder
         if forwarder is None or forwarder.stdin is None or forwarder.stdout is None:
             raise RuntimeError("the network is not there: use it as a context manager")
-        told = {name: asdict(path) for name, path in self._paths.items()}
-        forwarder.stdin.write(json.dumps(told) + "\n")
-        forwarder.stdin.flush()
+        json.dump({name: asdict(path) for name, path in self._paths.items()}, forwarder.stdin)
+        print(file=forwarder.stdin, flush=True)
         said = json.loads(forwarder.stdout.readline())
         self.counts = said["counts"]
         return float(said["set_s"])
@@ -171,8 +181,7 @@ def _ip(*arguments: object) -> None:
     command = ["ip", *map(str, arguments)]
     found = subprocess.run(command, check=False, capture_output=True, text=True)
     if found.returncode:
-        said = found.stderr.strip()
-        raise RuntimeError(f"ip {' '.join(map(str, arguments))}: {said}")
+        raise RuntimeError(f"{' '.join(command)}: {found.stderr.strip()}")
 
 
 def _no_offload(interface: str) -> None:
@@ -181,8 +190,6 @@ def _no_offload(interface: str) -> None:
         for setting in _ETHTOOL_OFF:
             value = ctypes.create_string_buffer(struct.pack("II", setting, 0))
             request = struct.pack("16sP", interface.encode(), ctypes.addressof(value))
-            try:
+            # One that it has not is off.
+            with suppress(OSError):
                 fcntl.ioctl(any_socket, _SIOCETHTOOL, request)
-            except OSError:
-                # One that it has not is off.
-                continue

@@ -12,27 +12,20 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from benchmarks.children import finding_benchmarks
-from benchmarks.reliability.emulated_network import (
-    ADDRESSES,
-    DEVICE,
-    REST,
-    EmulatedNetwork,
-    not_permitted,
-)
-from benchmarks.reliability.figure import Figure, unmeasured
+from benchmarks.reliability.emulated_network import ADDRESSES, DEVICE, REST, EmulatedNetwork
+from benchmarks.reliability.figure import Figure
 from hapticmech_ros.compilation.library import compile_ahead
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.graph.processes import stop_process
 from hapticmech_ros.system.discovery import PEERS, PROFILES, RANGE
 
-PART = "exposure"
 DOMAIN = "7"
 STARTS_WITHIN_S = 30.0
 VISITOR = [sys.executable, "-m", "benchmarks.reliability.visitor"]
@@ -88,13 +81,14 @@ def visit(log: Path, seconds: float, *options: str) -> Visit:
             # Until it is there, as its own host sees it.
             _wait_for_graph(network)
             here = network.command(DEVICE, [*VISITOR, str(seconds + 2.0)])
+            meddle = network.command(REST, [*VISITOR, str(seconds), "--meddle"])
             # To whom it need not announce itself: he knows where to look.
             there = plain_environment(**{PEERS: ADDRESSES[DEVICE]})
-            with _process(here, plain_environment()) as onlooker:
-                meddle = network.command(REST, [*VISITOR, str(seconds), "--meddle"])
-                with _process(meddle, there) as meddler:
-                    seen_there = _report(meddler)
-                seen_here = _report(onlooker)
+            with (
+                _process(here, plain_environment()) as onlooker,
+                _process(meddle, there) as meddler,
+            ):
+                seen_there, seen_here = _report(meddler), _report(onlooker)
     return Visit(
         topics=len(seen_there["topics"]),
         pushes=len(seen_here["pushed_by"]),
@@ -106,40 +100,39 @@ def visit(log: Path, seconds: float, *options: str) -> Visit:
 
 
 def run(quick: bool, out: Path) -> list[Figure]:
-    """Return figures of a graph started as usual, and of one that is opened."""
-    if reason := not_permitted():
-        return [unmeasured(PART, "from another host", reason)]
+    """Return figures of a graph started as usual, and of one that is opened.
+
+    Raises:
+        NoNetworkError: no network can be emulated here.
+    """
     trials = 1 if quick else 5
     closed = [visit(out / f"closed_{i}.log", 8.0) for i in range(trials)]
     opened = [visit(out / f"open_{i}.log", 8.0, "--discovery", "subnet") for i in range(trials)]
     warned = sum("open to the network" in one.told for one in opened)
 
-    def most(name: str, what: str) -> Figure:
-        worst = max(getattr(one, what) for one in closed)
-        return Figure(PART, name, float(worst), most=0.0, trials=trials)
-
-    def least(name: str, visits: list[Visit], what: str, bound: float) -> Figure:
-        worst = min(getattr(one, what) for one in visits)
-        return Figure(PART, name, float(worst), least=bound, trials=trials)
+    def least(name: str, found: Iterable[int], bound: float = 1.0) -> Figure:
+        return Figure(name, float(min(found)), least=bound, trials=trials)
 
     return [
-        most("topics found from another host", "topics"),
-        most("its pushes obeyed", "pushes"),
-        most("its parameters set", "parameters"),
-        most("nodes stopped by it", "transitions"),
-        least("topics found on its own host", closed, "seen_here", 10.0),
-        least("opened: topics found", opened, "topics", 10.0),
-        least("opened: pushes obeyed", opened, "pushes", 1.0),
-        least("opened: parameters set", opened, "parameters", 1.0),
-        least("opened: nodes stopped", opened, "transitions", 1.0),
-        Figure(PART, "opened: said at the start", warned, "runs", None, trials, trials),
+        Figure(
+            "topics found from another host", max(v.topics for v in closed), "", 0.0, None, trials
+        ),
+        Figure("its pushes obeyed", max(v.pushes for v in closed), "", 0.0, None, trials),
+        Figure("its parameters set", max(v.parameters for v in closed), "", 0.0, None, trials),
+        Figure("nodes stopped by it", max(v.transitions for v in closed), "", 0.0, None, trials),
+        least("topics found on its own host", (v.seen_here for v in closed), 10.0),
+        least("opened: topics found", (v.topics for v in opened), 10.0),
+        least("opened: pushes obeyed", (v.pushes for v in opened)),
+        least("opened: parameters set", (v.parameters for v in opened)),
+        least("opened: nodes stopped", (v.transitions for v in opened)),
+        Figure("opened: said at the start", warned, "runs", None, trials, trials),
     ]
 
 
 def _wait_for_graph(network: EmulatedNetwork) -> None:
     for _ in range(int(STARTS_WITHIN_S / 3.0)):
-        command = network.command(DEVICE, [*VISITOR, "3"])
-        with _process(command, plain_environment()) as onlooker:
+        look = network.command(DEVICE, [*VISITOR, "3"])
+        with _process(look, plain_environment()) as onlooker:
             if len(_report(onlooker)["topics"]) >= 10:
                 return
     raise NoVisitError(f"no graph to be seen on its own host within {STARTS_WITHIN_S:g} s")
@@ -150,8 +143,8 @@ def _process(
     command: list[str], environment: dict[str, str], told: Any = subprocess.PIPE
 ) -> Iterator[subprocess.Popen[str]]:
     """Run a process as a user would start it: nothing of its environment is chosen for it."""
-    error = subprocess.STDOUT if told is not subprocess.PIPE else None
-    process = subprocess.Popen(command, env=environment, stdout=told, stderr=error, text=True)
+    beside = None if told is subprocess.PIPE else subprocess.STDOUT
+    process = subprocess.Popen(command, env=environment, stdout=told, stderr=beside, text=True)
     try:
         yield process
     finally:
@@ -161,8 +154,7 @@ def _process(
 
 
 def _report(visitor: subprocess.Popen[str]) -> dict[str, Any]:
-    lines = [line for line in visitor.stdout or () if line.startswith("{")]
-    if not lines:
-        raise NoVisitError("a visitor ended without a report")
-    found: dict[str, Any] = json.loads(lines[-1])
-    return found
+    for line in visitor.stdout or ():
+        if line.startswith("{"):
+            return dict[str, Any](json.loads(line))
+    raise NoVisitError("a visitor ended without a report")

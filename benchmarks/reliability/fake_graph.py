@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,6 +17,7 @@ from rclpy.serialization import serialize_message
 
 from benchmarks.reliability.outputs import Outputs
 from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.actor import Actor, ClockedActor
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.haptic_device import HapticDevice
@@ -52,11 +53,11 @@ class Subscription:
         return 1
 
 
+@dataclass
 class Log:
     """What a node says, by level."""
 
-    def __init__(self) -> None:
-        self.lines: list[tuple[str, str]] = []
+    lines: list[tuple[str, str]] = field(default_factory=list)
 
     def __getattr__(self, level: str) -> Callable[[str], None]:
         def say(text: str) -> None:
@@ -110,10 +111,11 @@ class Host:
         """As of an rclpy node; none of these actors asks anything of others."""
         return kind, name
 
-    def destroy_subscription(self, subscription: Subscription) -> bool:
+    def drop(self, entity: Any) -> None:
         """Hear a topic no more."""
-        self.graph.subscriptions[subscription.topic].remove(subscription)
-        return True
+        self.graph.subscriptions[entity.topic].remove(entity)
+
+    destroy_subscription = drop
 
     def resolve_topic_name(self, name: str) -> str:
         """Return the full name."""
@@ -146,10 +148,6 @@ class Host:
         """Return it."""
         return entity
 
-    def drop(self, entity: Any) -> None:
-        """Destroy a subscription."""
-        self.destroy_subscription(entity)
-
     def lane_kind(self, message_type: Any) -> str:
         """There is one process."""
         return ""
@@ -162,12 +160,7 @@ class Host:
         self, period_s: float, callback: Callable[[], None], is_due: Callable[[], bool]
     ) -> None:
         """Call back while active, where it is due."""
-
-        def when_due() -> None:
-            if is_due():
-                callback()
-
-        self.timers.append([period_s, 0, when_due])
+        self.timers.append([period_s, 0, callback, is_due])
 
     def end(self) -> None:
         """Deactivate."""
@@ -199,7 +192,8 @@ class Host:
         for timer in self.timers:
             if now_ns >= timer[1]:
                 timer[1] = now_ns + round(timer[0] * NANOSECONDS)
-                timer[2]()
+                if timer[3]():
+                    timer[2]()
         if isinstance(self.actor, ClockedActor):
             self.actor.act(now_ns)
         self.graph.deliver()
@@ -236,7 +230,7 @@ class FakeGraph:
         self.exchange = Exchange()
         self.subscriptions: dict[str, list[Subscription]] = defaultdict(list)
         self.pushing = tuple(pushing)
-        self.seen = Outputs()
+        self.seen = Outputs(load_scene(scene).device)
         self.last: dict[str, Any] = {}
         self._numbers: dict[str, int] = defaultdict(int)
         self._waiting: deque[tuple[Subscription, bytes, int]] = deque()
@@ -245,9 +239,8 @@ class FakeGraph:
             host = self.hosts[kind.name] = Host(self, kind.name)
             given: dict[str, Any] = {"scene": scene, **(parameters or {}).get(kind.name, {})}
             host.actor = kind(host, kind.parameters_type(**given))
-        scene_of_first = next(iter(self.hosts.values())).actor.scene
-        self.seen.device = scene_of_first.device
-        self.period_ns = scene_of_first.simulation.period * 1e9
+        first = next(iter(self.hosts.values())).actor
+        self.period_ns = first.scene.simulation.period * 1e9
         for host in self.hosts.values():
             host.begin()
 
@@ -285,8 +278,7 @@ class FakeGraph:
         """Look at what an actor sends, and bring it to those who hear the topic."""
         self.seen.look(topic, kind, message)
         self.last[topic] = message
-        received = list(self.subscriptions.get(topic, ()))
-        if received:
+        if received := list(self.subscriptions.get(topic, ())):
             given = message if isinstance(message, bytes) else serialize_message(message)
             self._waiting += [(one, given, 0) for one in received]
 

@@ -22,16 +22,15 @@ class Figure:
     """One measured figure.
 
     Attributes:
-        part: of the campaign, such as ``clocks``.
         name: what was measured.
         value: the figure; NaN where it could not be measured.
         unit: its unit.
         most, least: bounds that it has to keep, both included; None for none.
         trials: how many trials it summarises.
         note: what a reader has to know, such as why it was not measured.
+        part: of the campaign, such as ``clocks``; the campaign knows.
     """
 
-    part: str
     name: str
     value: float
     unit: str = ""
@@ -39,42 +38,40 @@ class Figure:
     least: float | None = None
     trials: int = 0
     note: str = ""
+    part: str = ""
 
     @property
     def kept(self) -> bool:
         """Whether the figure was measured and keeps its bounds."""
-        if math.isnan(self.value):
-            return False
-        above = self.most is not None and self.value > self.most
-        below = self.least is not None and self.value < self.least
-        return not (above or below)
+        most = math.inf if self.most is None else self.most
+        least = -math.inf if self.least is None else self.least
+        return least <= self.value <= most
 
 
-def figures_of(part: str, where: str, trials: int) -> Callable[..., Figure]:
+def figures_of(where: str, trials: int) -> Callable[..., Figure]:
     """Return what makes figures from a name and the further arguments of :class:`Figure`.
 
     Args:
-        part: of the campaign.
         where: the figures are from; stands before each name.
         trials: that each summarises, unless it is given others.
     """
 
     def figure(name: str, value: float, unit: str = "", **more: Any) -> Figure:
-        return Figure(part, f"{where}: {name}", value, unit, **{"trials": trials, **more})
+        return Figure(f"{where}: {name}", value, unit, **{"trials": trials, **more})
 
     return figure
 
 
-def unmeasured(part: str, name: str, why: str) -> Figure:
+def unmeasured(name: str, why: str) -> Figure:
     """Return a figure of what could not be measured: it has a limit, which it does not keep."""
-    return Figure(part, name, math.nan, "", 0.0, note=why)
+    return Figure(name, math.nan, "", 0.0, note=why)
 
 
-def machine_speed(part: str) -> Figure:
-    """Return how fast the machine is that has measured a part."""
+def machine_speed() -> Figure:
+    """Return how fast the machine is at the moment."""
     found = speed()
     note = f"sum(range({SUMMED:_})): {found['python_loop_us']:.0f} µs"
-    return Figure(part, MACHINE, found["analysis_us"], "µs", note=note)
+    return Figure(MACHINE, found["analysis_us"], "µs", note=note)
 
 
 def save(figures: Sequence[Figure], path: Path) -> None:

@@ -68,8 +68,8 @@ class Mutants:
         """Read each of the files that mutants are made of."""
         for kind, seeds in self._seeds.items():
             for seed in seeds:
-                bag = kind in ("mcap", "db3", "metadata")
-                outcome(kind, self._write(kind, seed, seed.read_bytes(), bag))
+                whole_bag = READERS[kind] is read_bag
+                outcome(kind, self._write(kind, seed, seed.read_bytes(), whole_bag))
 
     def _write(self, kind: str, seed: Path, content: bytes, whole_bag: bool) -> Path:
         """Write a file in a seed's place, with what belongs to it; return its path."""

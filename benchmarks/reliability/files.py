@@ -32,7 +32,6 @@ BLOCKED_S = 10.0
 MOST_MB, GROWTH_MB = 1000.0, 20.0
 # Medians of so many parts of a worker's life are compared; it needs so many files to tell.
 PARTS, LEAST_FILES = 400, 40
-PART = "files"
 WORST = ("seconds", "real_s", "blocked_s", "memory_mb")
 
 
@@ -110,14 +109,14 @@ def measured(number: int, out: Path) -> list[Figure]:
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         tally = read_mutants(number, Path(folder))
-        _keep(tally, Path(folder) / "again", out / PART)
+        _keep(tally, Path(folder) / "again", out / "files")
     there = sum(tally.outcomes.values()) + len(tally.crashes)
     read = sum(count for (_, what), count in tally.outcomes.items() if what == "read")
     # Mutants that are all alike, or all refused at their first byte, would test nothing.
     share, note = read / max(1, there), "the others are refused"
 
     def figure(name: str, value: float, unit: str = "", most: float | None = 0.0) -> Figure:
-        return Figure(PART, name, float(value), unit, most=most, trials=number)
+        return Figure(name, float(value), unit, most=most, trials=number)
 
     return [
         figure("mutants that ended the process", len(tally.crashes)),
@@ -128,7 +127,7 @@ def measured(number: int, out: Path) -> list[Figure]:
         figure("slowest mutant, blocked", tally.worst["blocked_s"], "s", BLOCKED_S),
         figure("memory taken by one mutant at most", tally.worst["memory_mb"], "MB", MOST_MB),
         figure("growth of a worker's resident memory", tally.growth_mb, "MB", GROWTH_MB),
-        Figure(PART, "share of mutants read", share, "", 0.9, 0.05, number, note),
+        Figure("share of mutants read", share, "", 0.9, 0.05, number, note),
     ]
 
 
@@ -137,8 +136,10 @@ def _keep(tally: Tally, folder: Path, out: Path) -> None:
     found = {**tally.foreign, **tally.hangs, **tally.crashes}
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir(parents=True)
-    counts = {f"{kind} {what}": count for (kind, what), count in sorted(tally.outcomes.items())}
-    report = {"outcomes": counts, "found": {str(k): found[k] for k in sorted(found)}}
+    report = {
+        "outcomes": {f"{kind} {what}": n for (kind, what), n in sorted(tally.outcomes.items())},
+        "found": {str(k): found[k] for k in sorted(found)},
+    }
     (out / "report.json").write_text(json.dumps(report, indent=1), "utf-8")
     for number in sorted(found)[:200]:
         _, path = Mutants(folder, SEED).make(number)

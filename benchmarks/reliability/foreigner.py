@@ -2,18 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Somebody else, at 1 kHz: a CRTK driver, who commands the device, or who tells its gains.
 
-Usage: ``python foreigner.py driver`` publishes a device that stands still, and obeys servo_cf;
-``python foreigner.py commander FX FY FZ TX TY TZ`` commands a constant wrench (N and N m) with
-empty stamps, and without numbers holds the device where it is; ``python foreigner.py gain`` tells
-it in local_feedback_gain that it is very stiff, and that the mechanism has got much energy. Tells
-``first`` whenever one more can hear it, with the monotonic time of the first message to that one.
+``python -m benchmarks.reliability.foreigner driver`` publishes a device that stands still, and
+obeys servo_cf; ``commander FX FY FZ TX TY TZ`` commands a constant wrench (N and N m) with empty
+stamps, and without numbers holds the device where it is; ``gain`` tells it in local_feedback_gain
+that it is very stiff, and that the mechanism has got much energy. Tells ``first`` whenever one more
+can hear it, with the monotonic time of the first message to that one.
 """
 
 from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -51,18 +51,20 @@ class Foreigner(Node):
         self._outlets = [
             self.create_publisher(kind, topic, STREAM_PUBLISHER) for topic, kind in kinds.items()
         ]
+        # What is published, on each topic.
+        self._messages = [kind() for kind in kinds.values()]
         self.create_timer(PERIOD_S, self._publish)
 
-    def _next(self) -> Iterable[Any]:
-        """Return what is published now, on each topic."""
-        raise NotImplementedError
+    def _refresh(self) -> None:
+        """Bring the messages up to date."""
 
     def _publish(self) -> None:
         heard_by = sum(one.get_subscription_count() for one in self._outlets)
         for _ in range(self._heard_by, heard_by):
             write_progress("first", at_ns=time.monotonic_ns())
         self._heard_by = max(self._heard_by, heard_by)
-        for outlet, message in zip(self._outlets, self._next(), strict=True):
+        self._refresh()
+        for outlet, message in zip(self._outlets, self._messages, strict=True):
             outlet.publish(message)
 
 
@@ -77,17 +79,16 @@ class ForeignDriver(Foreigner):
             topics.DEVICE_POSE.name: PoseStamped,
         }
         super().__init__("foreign_driver", kinds)
-        self._messages = [kind() for kind in kinds.values()]
-        pose = self._messages[-1].pose
-        pose.position.x, pose.position.y = PLACE
-        name = topics.DEVICE_COMMAND.name
-        self.create_subscription(WrenchStamped, name, lambda command: None, CONTROL_SUBSCRIBER)
+        place = self._messages[-1].pose.position
+        place.x, place.y = PLACE
+        self.create_subscription(
+            WrenchStamped, topics.DEVICE_COMMAND.name, lambda command: None, CONTROL_SUBSCRIBER
+        )
 
-    def _next(self) -> Iterable[Any]:
+    def _refresh(self) -> None:
         stamp = self.get_clock().now().to_msg()
         for message in self._messages:
             message.header.stamp, message.header.frame_id = stamp, WORLD
-        return self._messages
 
 
 class ForeignGain(Foreigner):
@@ -97,10 +98,10 @@ class ForeignGain(Foreigner):
         super().__init__("foreign_gain", {topics.DEVICE_GAIN.name: Float64MultiArray})
         self._model = np.concatenate((np.zeros(36), STIFFNESS.ravel(), np.zeros(36)))
 
-    def _next(self) -> Iterable[Float64MultiArray]:
+    def _refresh(self) -> None:
         now = self.get_clock().now().nanoseconds
         gain = LocalFeedbackGain.answering(now, now, ENERGY, self._model)
-        return (Float64MultiArray(data=gain.values.tolist()),)
+        self._messages[0].data = gain.values.tolist()
 
 
 class ForeignCommander(Foreigner):
@@ -110,11 +111,10 @@ class ForeignCommander(Foreigner):
         wrench: (6,) force and torque, N and N m, world axes; holds if empty.
     """
 
-    def __init__(self, wrench: Sequence[float]) -> None:
+    def __init__(self, *wrench: float) -> None:
         super().__init__("foreign_commander", {topics.DEVICE_COMMAND.name: WrenchStamped})
         self._held: np.ndarray | None = None
-        self._message = WrenchStamped()
-        self._message.header.frame_id = WORLD
+        self._messages[0].header.frame_id = WORLD
         if wrench:
             self._fill(wrench)
         else:
@@ -134,20 +134,13 @@ class ForeignCommander(Foreigner):
         self._fill(-SPRING * away - DAMPER * measured.twist)
 
     def _fill(self, wrench: Sequence[float] | np.ndarray) -> None:
-        force, torque = self._message.wrench.force, self._message.wrench.torque
+        force, torque = self._messages[0].wrench.force, self._messages[0].wrench.torque
         force.x, force.y, force.z, torque.x, torque.y, torque.z = map(float, wrench)
 
-    def _next(self) -> Iterable[WrenchStamped]:
-        return (self._message,)
 
-
-def foreigner(kind: str, numbers: Sequence[str]) -> Foreigner:
-    """Return the node of a kind."""
-    if kind == "commander":
-        return ForeignCommander([float(number) for number in numbers])
-    return ForeignDriver() if kind == "driver" else ForeignGain()
+KINDS = {"driver": ForeignDriver, "gain": ForeignGain, "commander": ForeignCommander}
 
 
 if __name__ == "__main__":
     wake_up_in_time()
-    sys.exit(watch(lambda: foreigner(sys.argv[1], sys.argv[2:]), []))
+    sys.exit(watch(lambda: KINDS[sys.argv[1]](*map(float, sys.argv[2:])), []))

@@ -4,9 +4,7 @@
 
 from __future__ import annotations
 
-import os
 import random
-import signal
 import time
 from pathlib import Path
 
@@ -19,7 +17,6 @@ from benchmarks.reliability.trial import Fault, Trial, each_node, observe
 from hapticmech_ros.nodes.timeouts import ByRate
 from hapticmech_ros.wire.topics import DEVICE
 
-PART = "freezes"
 SHORTEST, LONGEST_S = ByRate(50, 0.05), 2.0
 STOPS_WITHIN_S = 2.0
 SEED = 0
@@ -37,7 +34,7 @@ def run(quick: bool, out: Path, rate: float = 0.0) -> list[Figure]:
         shortest_s = SHORTEST.at(rig.period_s)
         return try_freeze(rig, node, shortest_s * (LONGEST_S / shortest_s) ** chance.random())
 
-    return each_node(PART, quick, out, rate, freeze)
+    return each_node("freezes", quick, out, rate, freeze)
 
 
 def try_freeze(rig: Rig, node: str, seconds: float) -> Trial:
@@ -46,35 +43,25 @@ def try_freeze(rig: Rig, node: str, seconds: float) -> Trial:
     The simulated device's actuators freeze with it: what counts is that its first output afterwards
     is zero, and not a command from before.
     """
-    since, pid = rig.ready(), rig.pid(node)
+    since, process = rig.ready(), psutil.Process(rig.pid(node))
     frozen_ns = time.monotonic_ns()
-    os.kill(pid, signal.SIGSTOP)
+    process.suspend()
     try:
-        stopped_ns = _stopped(pid)
+        # No signal acts at once.
+        wait_until(
+            lambda: process.status() == psutil.STATUS_STOPPED,
+            STOPS_WITHIN_S,
+            f"process {process.pid} to stop on SIGSTOP",
+            look_again_s=0.0,
+        )
+        stopped_ns = time.monotonic_ns()
         time.sleep(seconds)
         before = rig.ring.count
     finally:
         released_ns = time.monotonic_ns()
-        os.kill(pid, signal.SIGCONT)
+        process.resume()
+    if of_device := node == DEVICE:
+        since, frozen_ns = before, stopped_ns
     kind = f"{node} frozen for {seconds:.2f} s"
-    if node == DEVICE:
-        fault = Fault(kind, before, stopped_ns, released_ns, first_output=True)
-    else:
-        fault = Fault(kind, since, frozen_ns, released_ns)
+    fault = Fault(kind, since, frozen_ns, released_ns, first_output=of_device)
     return observe(rig, fault, bool)
-
-
-def _stopped(pid: int) -> int:
-    """Wait until a process stands still, and return when (monotonic, ns): no signal acts at once.
-
-    Raises:
-        BenchError: it does not.
-    """
-    process = psutil.Process(pid)
-    wait_until(
-        lambda: process.status() == psutil.STATUS_STOPPED,
-        STOPS_WITHIN_S,
-        f"process {pid} to stop on SIGSTOP",
-        look_again_s=0.0,
-    )
-    return time.monotonic_ns()

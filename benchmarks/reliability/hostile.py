@@ -13,6 +13,7 @@ import numpy as np
 from std_msgs.msg import Float64MultiArray, String, UInt8
 
 from hapticmech_ros.numerics.times import NANOSECONDS
+from hapticmech_ros.wire.cdr import decode
 
 LARGEST = sys.float_info.max
 SMALLEST = 5e-324
@@ -63,9 +64,7 @@ class Hostile:
             return whole[: int(rng.integers(0, len(whole) + 1))]
         if way < 0.38:
             return whole + self._rng.bytes(int(rng.integers(1, 64)))
-        if way < 0.41:
-            return self._length_changed(whole)
-        return whole
+        return self._length_changed(whole) if way < 0.41 else whole
 
     def index(self, count: int) -> int:
         """Return a number below ``count``."""
@@ -76,9 +75,7 @@ class Hostile:
             return sample[:4] + self._rng.bytes(1)
         if kind is Float64MultiArray:
             return self._array(sample, now_ns)
-        if kind is String:
-            return self._text()
-        return self._stamped(kind, now_ns)
+        return self._text() if kind is String else self._stamped(kind, now_ns)
 
     def _text(self) -> bytes:
         """Return a text that commands nothing."""
@@ -88,24 +85,22 @@ class Hostile:
         return b"\0\1\0\0" + struct.pack("<I", len(text) + 1) + text + b"\0"
 
     def _array(self, sample: bytes, now_ns: int) -> bytes:
-        # Its data come last, and its length before them, at a multiple of eight.
-        size = _array_size(sample)
-        values = np.frombuffer(sample[len(sample) - 8 * size :]).copy()
-        if not size:
+        values = decode(sample).copy()
+        if not values.size:
             return sample
         values[2:] = self._changed(values[2:])
-        if size >= 2:
+        if values.size >= 2:
             fresh = self._rng.random() < 0.8
             values[:2] = divmod(now_ns, NANOSECONDS) if fresh else self._rng.choice(ODD_STAMPS, 2)
-        return sample[: len(sample) - 8 * size] + values.tobytes()
+        # Its data come last.
+        return sample[: -values.nbytes] + values.tobytes()
 
     def _stamped(self, kind: Any, now_ns: int) -> bytes:
         rng = self._rng
         pose = kind.__name__ == "PoseStamped"
         values = rng.normal(size=POSE_NUMBERS if pose else SIX)
         if pose:
-            turn = values[3:]
-            values[3:] = turn / np.linalg.norm(turn) if rng.random() < 0.8 else 0.0
+            values[3:] *= 1.0 / np.linalg.norm(values[3:]) if rng.random() < 0.8 else 0.0
         values = self._changed(values)
         seconds, rest = divmod(now_ns, NANOSECONDS)
         if rng.random() < 0.25:
@@ -134,8 +129,7 @@ class Hostile:
         values = values.copy()
         if way < 0.35:
             count = int(rng.integers(1, max(2, values.size // 4)))
-            where = rng.integers(0, values.size, size=count)
-            values[where] = rng.choice(EXTREMES, count)
+            values[rng.integers(0, values.size, size=count)] = rng.choice(EXTREMES, count)
         elif way < 0.5:
             values[:] = rng.choice(EXTREMES, values.size)
         elif way < 0.75:
@@ -159,11 +153,3 @@ class Hostile:
             at = 4 + 4 * self.index((len(changed) - 4) // 4)
             changed[at : at + 4] = self._rng.bytes(4) if self.index(2) else b"\xff\xff\xff\xff"
         return bytes(changed)
-
-
-def _array_size(message: bytes) -> int:
-    """Return how many numbers a whole array of one dimension holds."""
-    (label,) = struct.unpack_from("<I", message, 8)
-    at = 12 + label
-    at += -(at - 4) % 4 + 12
-    return int(struct.unpack_from("<I", message, at)[0])

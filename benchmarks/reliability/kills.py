@@ -12,7 +12,6 @@ from benchmarks.reliability.rig import Rig
 from benchmarks.reliability.trial import Fault, Trial, each_node, observe
 from hapticmech_ros.wire.topics import CONTROLLER, DEVICE
 
-PART = "kills"
 # Gone for so long: others have noticed by then.
 GONE_S = 0.3
 # The moment of a kill is to be known so well.
@@ -29,12 +28,14 @@ def run(quick: bool, out: Path, rate: float = 0.0) -> list[Figure]:
             missed += 1
         return trial
 
-    figures = each_node(PART, quick, out, rate, kill)
-    note = (
-        "the watcher met the new device later than the controller did, or the moment of the "
-        "kill is not known to a millisecond"
+    figures = each_node("kills", quick, out, rate, kill)
+    left_out = Figure(
+        "kills that are left out",
+        missed,
+        note="the watcher met the new device later than the controller did, or the moment of the "
+        "kill is not known to a millisecond",
     )
-    return [*figures, Figure(PART, "kills that are left out", missed, note=note)]
+    return [*figures, left_out]
 
 
 def try_kill(rig: Rig, node: str) -> Trial | None:
@@ -51,15 +52,13 @@ def try_kill(rig: Rig, node: str) -> Trial | None:
     rig.graph_of(node).kill(node)
     time.sleep(GONE_S)
     alive = rig.ended() == [node]
-    begun = rig.ring.count
+    if of_device := node == DEVICE:
+        since = rig.ring.count
     restarted_ns = time.monotonic_ns()
     rig.restart(node)
-    if node == DEVICE:
-        fault = Fault(f"{node} killed", begun, killed_ns, restarted_ns, first_output=True)
-    else:
-        fault = Fault(f"{node} killed", since, killed_ns, restarted_ns)
+    fault = Fault(f"{node} killed", since, killed_ns, restarted_ns, first_output=of_device)
     trial = observe(rig, fault, bool, alive)
-    unseen = node == DEVICE and _missed_first(rig, begun, restarted_ns)
+    unseen = of_device and _missed_first(rig, since, restarted_ns)
     return trial if known and not unseen else None
 
 

@@ -45,8 +45,8 @@ class MemoryGrowth:
     @property
     def mebi(self) -> float:
         """Growth after the first quarter, MiB; NaN of too few samples, or of the dead."""
-        few = len(self.sent) * (1.0 - WARM_UP_SHARE) < LEAST_SAMPLES + 1
-        known = not few and np.isfinite(self.resident).all()
+        enough = len(self.sent) * (1.0 - WARM_UP_SHARE) >= LEAST_SAMPLES + 1
+        known = enough and np.isfinite(self.resident).all()
         return grown(self.sent, self.resident) / MEBI if known else math.nan
 
     @property
@@ -56,11 +56,10 @@ class MemoryGrowth:
         return max(LEAST_LIMIT_MEBI, MOST_BYTES * messages / MEBI)
 
 
-def worst_growth(part: str, where: str, found: Sequence[MemoryGrowth], trials: int) -> Figure:
+def worst_growth(where: str, found: Sequence[MemoryGrowth], trials: int) -> Figure:
     """Return the growth that is most above what it may be; not measured if one of them was not.
 
     Args:
-        part: of the campaign.
         where: the messages were sent.
         found: of each process, or of each run in one.
         trials: messages.
@@ -69,4 +68,4 @@ def worst_growth(part: str, where: str, found: Sequence[MemoryGrowth], trials: i
     worst = max(found, key=lambda one: one.mebi / one.limit_mebi, default=None)
     value = math.nan if unknown or worst is None else worst.mebi
     limit = LEAST_LIMIT_MEBI if worst is None else worst.limit_mebi
-    return Figure(part, f"{where}: memory's growth", value, "MiB", limit, None, trials)
+    return Figure(f"{where}: memory's growth", value, "MiB", limit, None, trials)

@@ -31,7 +31,6 @@ from hapticmech_ros.loading import load_scene
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.wire.topics import OPERATIONAL_POINT, SET_OPERATIONAL_POINT
 
-PART = "messages"
 # Scenes by turns: plane with a loop, and in space with contacts.
 SCENES = ("five_bar", "peg_in_hole", "spatial_arm")
 # In process; on the wire on all topics; and on those without an owner.
@@ -55,11 +54,11 @@ def run_in_process(count: int, out: Path, scenes: Sequence[str] = SCENES) -> lis
     trials = [Trial(scene, seed) for seed, scene in enumerate(scenes, SEED)]
     for trial in trials:
         trial.send(-(-count // len(trials)))
-    lines = [line for trial in trials for line in trial.lines()]
-    (out / "messages_in_process.txt").write_text("\n".join(lines), "utf-8")
+    told = "\n".join(line for trial in trials for line in trial.lines())
+    (out / "messages_in_process.txt").write_text(told, "utf-8")
     sent = sum(trial.sent for trial in trials)
 
-    figure = figures_of(PART, "in process", sent)
+    figure = figures_of("in process", sent)
     return [
         figure("messages", sent, least=count),
         figure("exceptions that escaped", sum(trial.escaped for trial in trials), most=0.0),
@@ -71,7 +70,7 @@ def run_in_process(count: int, out: Path, scenes: Sequence[str] = SCENES) -> lis
         figure("longest callback or tick", max(t.longest_s for t in trials), "s", most=HANG_S),
         figure("looks at a graph that had not come back", sum(t.lost for t in trials), most=0.0),
         figure("looks", sum(trial.looks for trial in trials)),
-        worst_growth(PART, "in process", [trial.memory for trial in trials], sent),
+        worst_growth("in process", [trial.memory for trial in trials], sent),
     ]
 
 
@@ -91,8 +90,9 @@ class Trial:
         self._held, self._expiring = pushing(self.scene)
         self.graph = FakeGraph(scene, [*self._held, *self._expiring])
         points = [point.name for point in self.scene.operational_points]
-        frames = [*points, *(link.name for link in self.scene.links)]
-        frames += [*(f"{name}_world" for name in points), "device", "device_world"]
+        links = (link.name for link in self.scene.links)
+        worlds = (f"{name}_world" for name in (*points, "device"))
+        frames = [*points, *links, *worlds, "device"]
         self._hostile = Hostile(seed, frames)
         self.sent = self.escaped = self.looks = self.lost = 0
         self.longest_s = 0.0
@@ -141,8 +141,7 @@ class Trial:
         return told + [f"  {example}" for example in self._examples[:20]]
 
     def _put(self, topic: str, kind: Any) -> None:
-        sample = self._samples.get(topic, b"")
-        message = self._hostile.message(kind, sample, self.graph.now_ns)
+        message = self._hostile.message(kind, self._samples.get(topic, b""), self.graph.now_ns)
         self._timed(lambda: self.graph.put(topic, message))
         self.sent += 1
 
@@ -192,7 +191,7 @@ class Trial:
 
 def pushing(scene: Scene) -> tuple[list[str], list[str]]:
     """Return the topics of wrenches: persistent ones first, those that expire second."""
-    bodies = [point.name for point in scene.operational_points]
-    bodies += [link.name for link in scene.links]
+    points = (point.name for point in scene.operational_points)
+    bodies = (*points, *(link.name for link in scene.links))
     names = ["/device/hand_cf", *(f"/mechanism/{body}/external_cf" for body in bodies)]
     return [f"{name}/persistent" for name in names], [f"{name}/somebody" for name in names]

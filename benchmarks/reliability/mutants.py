@@ -57,25 +57,17 @@ def _bits(data: bytearray, chance: random.Random) -> None:
         data[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
 
 
-def _cut(data: bytearray, chance: random.Random) -> None:
-    del data[chance.randrange(len(data)) :]
-
-
 def _removed(data: bytearray, chance: random.Random) -> None:
+    """Remove a part, or all that is behind a place."""
     at = chance.randrange(len(data))
-    del data[at : at + chance.choice((1, 4, 50, 500))]
+    del data[at : at + chance.choice((1, 4, 50, 500, *[len(data)] * 4))]
 
 
-def _spliced(data: bytearray, chance: random.Random) -> None:
+def _copied(data: bytearray, chance: random.Random) -> None:
+    """Put a part somewhere else, once or often, between what is there or in its place."""
     begin, at = chance.randrange(len(data)), chance.randrange(len(data))
-    part = data[begin : begin + chance.choice((4, 40, 400))]
-    data[at : at + chance.choice((0, len(part)))] = part
-
-
-def _repeated(data: bytearray, chance: random.Random) -> None:
-    begin = chance.randrange(len(data))
-    part = data[begin : begin + chance.choice((1, 5, 60))]
-    data[begin:begin] = part * chance.choice((2, 10, 300))
+    part = data[begin : begin + chance.choice((1, 4, 40, 400))]
+    data[at : at + chance.choice((0, len(part)))] = part * chance.choice((1, 1, 1, 2, 10, 300))
 
 
 def _number(data: bytearray, chance: random.Random) -> None:
@@ -98,8 +90,7 @@ def _mild(data: bytearray, chance: random.Random) -> None:
 
 
 def _word(data: bytearray, chance: random.Random) -> None:
-    words = WORD.findall(bytes(data[:100_000]))
-    if words:
+    if words := WORD.findall(bytes(data[:100_000])):
         _replaced(data, chance, WORD, chance.choice(words) * chance.choice((1, 1, 1, 60)))
 
 
@@ -119,13 +110,12 @@ def _bomb(data: bytearray, chance: random.Random) -> None:
 def _replaced(
     data: bytearray, chance: random.Random, pattern: re.Pattern[bytes], by: bytes
 ) -> None:
-    found = list(pattern.finditer(bytes(data[:100_000])))
-    if found:
+    if found := list(pattern.finditer(bytes(data[:100_000]))):
         one = chance.choice(found)
         data[one.start() : one.end()] = by
 
 
 _CHANGES: tuple[Change, ...] = (
-    *(_bits, _cut, _removed, _spliced, _repeated),
+    *(_bits, _removed, _removed, _copied, _copied),
     *(_number, _number, _number, _word, _integer, _bomb),
 )

@@ -6,22 +6,22 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
-from benchmarks.reliability.emulated_network import EmulatedNetwork, Path, not_permitted
-from benchmarks.reliability.figure import Figure, unmeasured
-from benchmarks.reliability.split_graph import SplitGraph, Watched, of_one_user, run_for
+from benchmarks.reliability.emulated_network import EmulatedNetwork, Path
+from benchmarks.reliability.figure import Figure
+from benchmarks.reliability.split_graph import NODE, SplitGraph, Watched, of_one_user, run_for
 from hapticmech_ros.analysis.passivity import Trial, scene_of
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.scene import document_of
 from hapticmech_ros.scene.controller import Connection
 from hapticmech_ros.session import Session
 
-PART = "network"
 SCENE = "five_bar"
 DELAYS = (0.0, 0.01, 0.05)
 KINDS: dict[str, dict[str, Any]] = {
@@ -49,29 +49,30 @@ def run(quick: bool, out: FilePath) -> list[Figure]:
     Args:
         quick: a few short trials instead of all.
         out: folder for logs and what was watched.
+
+    Raises:
+        NoNetworkError: no network can be emulated here.
     """
-    if reason := not_permitted():
-        return [unmeasured(PART, "all of it", reason)]
     seconds, outages = (6.0, 1) if quick else (60.0, 5)
     kinds, delays = (["all of it"], (0.01, 0.05)) if quick else (list(KINDS), DELAYS)
-    figures: list[Figure] = []
-    for delay in delays:
-        for kind in kinds:
-            figures += _path(delay, kind, seconds, out)
+    paths = (_path(delay, kind, seconds, out) for delay in delays for kind in kinds)
+    figures = list(chain.from_iterable(paths))
     for delay in (0.05,) if quick else DELAYS:
         figures += _outage(delay, "plain", outages, out)
     figures += _outage(0.05, "plain", outages, out, one_way=True)
     figures += _outage(0.05, "plain", 1, out, LONG_OUTAGE_S)
-    figures += _undeclared(0.05, seconds, out)
-    figures += _clocks(0.01, seconds, out)
-    figures += _path(0.05, "all of it", seconds, out, _firm_arm(seconds, out))
-    return figures
+    figures += _path(0.05, "plain", seconds, out, also="not declared", declared=False)
+    behind = f"the device's clock {-CLOCK_AHEAD_S:g} s behind"
+    device = (sys.executable, "-m", "benchmarks.reliability.shifted_clock", str(CLOCK_AHEAD_S))
+    figures += _path(0.01, "plain", seconds, out, also=behind, device=device)
+    firm = _firm_arm(seconds, out)
+    return [*figures, *_path(0.05, "all of it", seconds, out, "a firm arm", scene=firm)]
 
 
 def _firm_arm(seconds: float, out: FilePath) -> str:
     """Return a scene's file: an arm that holds firmly and moves, walls of 2000 N/m."""
-    scene = scene_of(Trial(SCENE, hand="firm", seconds=seconds))
-    scene = scene.model_copy(update={"connection": Connection()})
+    firm = scene_of(Trial(SCENE, hand="firm", seconds=seconds))
+    scene = firm.model_copy(update={"connection": Connection()})
     file = out / "a_firm_arm.yaml"
     out.mkdir(parents=True, exist_ok=True)
     file.write_text(json.dumps(document_of(scene)), encoding="utf-8")
@@ -98,7 +99,7 @@ def _watched(
     seconds: float,
     out: FilePath,
     outages: tuple[float, ...] = (),
-    device: tuple[str, ...] = (sys.executable, "-m", "hapticmech_ros.nodes.entry"),
+    device: tuple[str, ...] = NODE,
     scene: str = SCENE,
     lasts: float = OUTAGE_S,
     one_way: bool = False,
@@ -112,27 +113,39 @@ def _watched(
         def cut() -> float:
             return network.set(to_rest=nothing, to_device=path if one_way else nothing)
 
-        events: list[tuple[float, Callable[[], float]]] = []
-        for at in outages:
-            events += [(at, cut), (at + lasts, lambda: network.set(path))]
+        def mend() -> float:
+            return network.set(path)
+
+        events = [event for at in outages for event in ((at, cut), (at + lasts, mend))]
         with SplitGraph(network, out / name, of_one_user(scene, given, device)) as graph:
             made = run_for(graph, seconds, events)
             return graph.watched()[""], made
 
 
 def _path(
-    delay: float, kind: str, seconds: float, out: FilePath, scene: str = SCENE
+    delay: float,
+    kind: str,
+    seconds: float,
+    out: FilePath,
+    also: str = "",
+    scene: str = SCENE,
+    device: tuple[str, ...] = NODE,
+    declared: bool = True,
 ) -> Iterator[Figure]:
-    path = Path(delay, **KINDS[kind])
-    name = f"{1e3 * delay:g} ms, {kind}"
-    name += "" if scene == SCENE else f", {FilePath(scene).stem.replace('_', ' ')}"
-    seen, _ = _watched(name.replace(" ", "_"), path, seconds, out, scene=scene)
+    name = ", ".join(filter(None, (f"{1e3 * delay:g} ms", kind, also)))
+    folder, path = name.replace(" ", "_"), Path(delay, **KINDS[kind])
+    seen, _ = _watched(folder, path, seconds, out, scene=scene, device=device, declared=declared)
     most = FORCE_RATIO * simulated_force(delay, kind, seconds, scene)
-    again = seen.figure("haptic_device", "times_held")
     took = f"passivity control took {seen.dissipated.max():.2g} J"
-    yield Figure(PART, f"{name}: engaged", seen.engaged(), "", None, ENGAGED, 1, f"held {again}×")
-    yield Figure(PART, f"{name}: largest force", float(seen.force.max()), "N", most, None, 1, took)
-    yield Figure(PART, f"{name}: least E_h", float(seen.from_hand.min()), "J", None, ENERGY_J, 1)
+    yield Figure(f"{name}: largest force", float(seen.force.max()), "N", most, None, 1, took)
+    if not declared:
+        # Gains are reduced then, and that is said.
+        said = bool(seen.figure("teleoperation_controller", "loop_warning"))
+        yield Figure(f"{name}: said", 100.0 * said, "%", None, 100.0, 1)
+        return
+    held = f"held {seen.figure('haptic_device', 'times_held')}×"
+    yield Figure(f"{name}: engaged", seen.engaged(), "", None, ENGAGED, 1, held)
+    yield Figure(f"{name}: least E_h", float(seen.from_hand.min()), "J", None, ENERGY_J, 1)
 
 
 def _outage(
@@ -154,26 +167,6 @@ def _outage(
     zero = max(seen.zero_after(a, b) for a, b in zip(cut, mended, strict=True))
     back = max(seen.back_after(b) for b in mended)
     within = 2.0 * delay + ONE_WAY_MARGIN_S if one_way else delay + MARGIN_S
-    yield Figure(PART, f"{name}: zero force within", 1e3 * zero, "ms", 1e3 * within, None, count)
-    yield Figure(PART, f"{name}: back within", back, "s", BACK_S, None, count)
-    yield Figure(PART, f"{name}: least E_h", float(seen.from_hand.min()), "J", None, ENERGY_J, 1)
-
-
-def _undeclared(delay: float, seconds: float, out: FilePath) -> Iterator[Figure]:
-    """Run over a path that nobody declared: gains are reduced, and that is said."""
-    seen, _ = _watched("undeclared", Path(delay), seconds, out, declared=False)
-    most = FORCE_RATIO * simulated_force(delay, "plain", seconds)
-    said = bool(seen.figure("teleoperation_controller", "loop_warning"))
-    name = f"{1e3 * delay:g} ms, plain, not declared"
-    yield Figure(PART, f"{name}: largest force", float(seen.force.max()), "N", most, None, 1)
-    yield Figure(PART, f"{name}: said", 100.0 * said, "%", None, 100.0, 1)
-
-
-def _clocks(delay: float, seconds: float, out: FilePath) -> Iterator[Figure]:
-    """Run with a device whose host's clock is behind."""
-    device = (sys.executable, "-m", "benchmarks.reliability.shifted_clock", str(CLOCK_AHEAD_S))
-    seen, _ = _watched("clocks", Path(delay), seconds, out, device=device)
-    most = FORCE_RATIO * simulated_force(delay, "plain", seconds)
-    name = f"{1e3 * delay:g} ms, the device's clock {-CLOCK_AHEAD_S:g} s behind"
-    yield Figure(PART, f"{name}: engaged", seen.engaged(), "", None, ENGAGED, 1)
-    yield Figure(PART, f"{name}: largest force", float(seen.force.max()), "N", most, None, 1)
+    yield Figure(f"{name}: zero force within", 1e3 * zero, "ms", 1e3 * within, None, count)
+    yield Figure(f"{name}: back within", back, "s", BACK_S, None, count)
+    yield Figure(f"{name}: least E_h", float(seen.from_hand.min()), "J", None, ENERGY_J, 1)

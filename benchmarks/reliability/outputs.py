@@ -33,7 +33,7 @@ class Outputs:
     """Looks at messages that nodes send.
 
     Attributes:
-        device: whose limits count; None: nobody's yet.
+        device: whose limits count.
         messages: that were looked at.
         not_finite: of these, how many have a number that is not finite.
         samples: of ``device/state``.
@@ -43,7 +43,7 @@ class Outputs:
         examples: of what was wrong, the first ones.
     """
 
-    def __init__(self, device: Device | None = None) -> None:
+    def __init__(self, device: Device) -> None:
         self.device = device
         self.messages = self.not_finite = self.samples = self.pushed = self.beyond = 0
         self.largest = 0.0
@@ -52,8 +52,7 @@ class Outputs:
     def look(self, topic: str, kind: Any, message: Any) -> None:
         """Look at a message, or at its bytes."""
         self.messages += 1
-        wrong = [value for value in numbers_of(kind, message) if not math.isfinite(value)]
-        if wrong:
+        if wrong := [one for one in numbers_of(kind, message) if not math.isfinite(one)]:
             self.not_finite += 1
             self._keep(f"{topic}: {wrong[:3]}")
         if topic.endswith(DEVICE_STATE.name):
@@ -65,26 +64,23 @@ class Outputs:
         self.samples += 1
         self.pushed += not force <= 0.0
         self.largest = max(self.largest, force)
-        if self.device is None:
-            return
         most, most_torque = self.device.force_limit, self.device.torque_limit
         if not (force <= ROUNDING * most and torque <= ROUNDING * most_torque):
             self.beyond += 1
             self._keep(f"beyond the limits: {applied.tolist()}")
 
-    def figures(self, part: str, where: str, renders: bool) -> list[Figure]:
+    def figures(self, where: str, renders: bool) -> list[Figure]:
         """Return what was seen.
 
         Args:
-            part: of the campaign.
             where: the messages were sent.
             renders: the device has to have force meanwhile, up to its limit.
         """
         share = self.pushed / max(self.samples, 1)
-        reached = math.nan if self.device is None else self.largest / self.device.force_limit
+        reached = self.largest / self.device.force_limit
         shares, forces = (LEAST_SHARE, LEAST_FORCE) if renders else (None, None)
 
-        figure = figures_of(part, where, self.samples)
+        figure = figures_of(where, self.samples)
         return [
             figure("samples beyond the force limit", self.beyond, most=0.0),
             figure("share of samples with force", share, least=shares),

@@ -13,11 +13,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 
-from benchmarks.children import BenchError, ReportingProcess, output_to, wait_until
+from benchmarks.children import (
+    BenchError,
+    ReportingProcess,
+    finding_benchmarks,
+    output_to,
+    wait_until,
+)
 from benchmarks.reliability.sample import DEVICE, Ring, Samples
 from benchmarks.reliability.stepped_clock import SteppedClock
-from benchmarks.reliability.usage import processor_s
 from hapticmech_ros.compilation.library import compile_ahead
 from hapticmech_ros.graph.processes import Graph, private_environment
 from hapticmech_ros.loading import load_scene
@@ -26,7 +32,6 @@ from hapticmech_ros.nodes.lane import lane_folder
 from hapticmech_ros.nodes.node_time import wall_ahead_ns
 from hapticmech_ros.wire.topics import DEVICE as DEVICE_NODE
 
-FOLDER = Path(__file__).parent
 SCENE, POINT = "five_bar", "handle"
 WITHIN_S = 20.0
 # Rendering for so long without a break before anything is done to the graph.
@@ -91,10 +96,9 @@ class Rig:
         self._clock = clock
         self._clean = clean
         self._composed = composed
-        self._stack = ExitStack()
         self._graphs: list[Graph] = []
         self.environment = {
-            **private_environment(domain),
+            **finding_benchmarks(private_environment(domain)),
             "OPENBLAS_NUM_THREADS": "1",
             **(variables or {}),
         }
@@ -109,31 +113,30 @@ class Rig:
         """
         # Whoever comes first compiles the kernels, for most of a minute: not one of those watched.
         compile_ahead()
-        try:
-            folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory()))
+        with ExitStack() as stack:
+            self._stack = stack
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
             self.ring = Ring(folder / "ring", fresh=True)
             point = [POINT] if self._all_topics else []
-            self.watch = self.start("watch.py", str(folder / "ring"), *point)
+            self.watch = self.start("watch", str(folder / "ring"), *point)
             if self._clock is not None:
                 environment = self._clock.environment(self.environment)
-                self.start("clock_source.py", f"{self.period_s}", environment=environment)
-            self._stack.callback(self._stop_graph)
+                self.start("clock_source", f"{self.period_s}", environment=environment)
+            stack.callback(self._stop_graph)
             begun = self.renew()
             if self._clean:
                 self._run_clean(begun)
-        except BaseException:
-            self._stack.close()
-            raise
+            self._stack = stack.pop_all()
         return self
 
     def __exit__(self, *error: object) -> None:
         self._stack.close()
 
     def start(
-        self, script: str, *arguments: str, environment: Mapping[str, str] | None = None
+        self, module: str, *arguments: str, environment: Mapping[str, str] | None = None
     ) -> ReportingProcess:
-        """Start a script of this folder that meets the graph, and ends with the rig."""
-        command = [sys.executable, "-u", str(FOLDER / script), *arguments]
+        """Start a module of this folder that meets the graph, and ends with the rig."""
+        command = [sys.executable, "-m", f"benchmarks.reliability.{module}", *arguments]
         with output_to(self._log):
             return self._stack.enter_context(
                 ReportingProcess(command, environment or self.environment)
@@ -170,17 +173,19 @@ class Rig:
         return self.graph_of(node).processes[node].pid
 
     def shares(self) -> dict[int, float]:
-        """Return which share of a processor each node takes while the device renders, by its id.
+        """Return how much of a processor each node takes while the device renders, %, by its id.
 
         Raises:
             BenchError: the device does not render, or a node ended.
         """
         self.settle()
-        ids = [process.pid for graph in self._graphs for process in graph.processes.values()]
-        begun, before = time.monotonic(), [processor_s(one) for one in ids]
+        ids = (process.pid for graph in self._graphs for process in graph.processes.values())
+        nodes = [psutil.Process(one) for one in ids]
+        for node in nodes:
+            node.cpu_percent()
         time.sleep(CLEAN_S)
-        after, lasted = [processor_s(one) for one in ids], time.monotonic() - begun
-        return {k: (b - a) / lasted for k, a, b in zip(ids, before, after, strict=True)}
+        self.check()
+        return {node.pid: node.cpu_percent() for node in nodes}
 
     def ended(self) -> list[str]:
         """Return the nodes whose processes are no more."""
@@ -281,16 +286,11 @@ class Rig:
                 self.settle()
             time.sleep(CLEAN_S)
             found = self.samples(begun)
-            if not len(found):
-                begun = self.renew()
-                continue
-            first = int(np.argmax(pushing(found)))
-            self.clean_max = float(found["force"].max())
-            steady = found[first:]
-            # A stamp by this machine's monotonic clock.
-            apart = wall_ahead_ns()
-            self.lateness_ns = steady["arrived_ns"] + apart - steady["stamp_ns"]
+            steady = found[np.maximum.accumulate(pushing(found))]
             if len(steady) > 0.5 * CLEAN_S / self.period_s and pushing(steady).all():
+                self.clean_max = float(found["force"].max())
+                # Stamps by this machine's monotonic clock.
+                self.lateness_ns = steady["arrived_ns"] + wall_ahead_ns() - steady["stamp_ns"]
                 return
             begun = self.renew()
         raise BenchError(f"no run of {CLEAN_S:g} s without a break in {TRIES}: too busy a machine")
@@ -298,5 +298,4 @@ class Rig:
 
 def pushing(samples: Samples) -> np.ndarray:
     """Return (n,) whether the actuators push, or say what is no number."""
-    quiet = (samples["force"] == 0.0) & (samples["torque"] == 0.0)
-    return np.asarray(~quiet)
+    return np.asarray((samples["force"] != 0.0) | (samples["torque"] != 0.0))

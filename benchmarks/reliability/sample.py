@@ -61,5 +61,4 @@ class Ring:
     def since(self, number: int) -> Samples:
         """Return the samples from a number on, of which the ring may have lost the oldest."""
         count = self.count
-        chosen = np.arange(max(number, count - CAPACITY), count) % CAPACITY
-        return self._samples[chosen]
+        return self._samples[np.arange(max(number, count - CAPACITY), count) % CAPACITY]

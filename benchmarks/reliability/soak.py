@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,7 +21,6 @@ from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.session import Session
 
-PART = "soak"
 SOAK_S, QUICK_SOAK_S = 3600.0, 60.0
 LOOKS = 600
 # 256 pages, of what may take an hour: 8 bytes leaked in each tick at 1 kHz are 29 MB.
@@ -76,8 +75,7 @@ def render(rig: Rig, seconds: float, looks: int) -> Rendered:
         for node in NODES:
             held[node].append(usage(rig.pid(node)))
         time.sleep(seconds / looks)
-        count, found = rig.ring.count, rig.samples(before)
-        before = count
+        before, found = rig.ring.count, rig.samples(before)
         if len(found):
             on = np.concatenate(([rendering], pushing(found)))
             rendering = bool(on[-1])
@@ -97,19 +95,17 @@ def run(quick: bool, out: Path) -> list[Figure]:
         BenchError: a node ended.
     """
     seconds = QUICK_SOAK_S if quick else SOAK_S
-    figures = growth(PART, "session", *session_held(seconds))
-    with Rig(out, PART) as rig:
+    figures = [*growth("session", *session_held(seconds))]
+    with Rig(out, "soak") as rig:
         rig.ready()
         found = render(rig, seconds, LOOKS)
         figures += [
-            Figure(PART, "watched for", found.seconds, "s", trials=1),
-            Figure(
-                PART, "largest force, of a clean run's", found.peak / rig.clean_max, "", GOAL_PEAK
-            ),
-            Figure(PART, "rendering broke off", float(found.breaks), "times"),
+            Figure("watched for", found.seconds, "s", trials=1),
+            Figure("largest force, of a clean run's", found.peak / rig.clean_max, "", GOAL_PEAK),
+            Figure("rendering broke off", float(found.breaks), "times"),
         ]
     for node, held in found.held.items():
-        figures += growth(PART, node, found.times, held)
+        figures += growth(node, found.times, held)
     return figures
 
 
@@ -125,23 +121,21 @@ def session_held(seconds: float, looks: int = LOOKS) -> tuple[list[float], list[
 
 
 def growth(
-    part: str, process: str, times: Sequence[float], held: Sequence[Usage], what: str = ""
-) -> list[Figure]:
-    """Return by how much what a process holds has grown.
+    process: str, times: Sequence[float], held: Sequence[Usage], what: str = ""
+) -> Iterator[Figure]:
+    """Yield by how much what a process holds has grown.
 
     Args:
-        part: of the campaign.
         process: its name.
         times: (n,) s, of looks.
         held: at these times.
         what: one kind alone; all if empty.
     """
-    figure, figures = figures_of(part, process, len(times)), []
+    figure = figures_of(process, len(times))
     for (kind, (scale, unit, most)), values in zip(
         KINDS.items(), zip(*held, strict=True), strict=True
     ):
         if what in ("", kind):
             note = f"{values[-1] / scale:.4g} {unit} at the end".replace("  ", " ")
-            grew = grown(times, values) / scale
-            figures.append(figure(f"growth of {kind}", grew, unit, most=most, note=note))
-    return figures
+            name, grew = f"growth of {kind}", grown(times, values) / scale
+            yield figure(name, grew, unit, most=most, note=note)

@@ -4,9 +4,7 @@
 
 from __future__ import annotations
 
-import os
 import re
-import signal
 import subprocess
 import sys
 import time
@@ -17,6 +15,7 @@ from pathlib import Path as FilePath
 from types import MappingProxyType
 
 import numpy as np
+import psutil
 from numpy.typing import NDArray
 
 from benchmarks.children import ReportingProcess, finding_benchmarks, output_to, wait_until
@@ -32,7 +31,7 @@ from hapticmech_ros.wire.messages import DeviceStateMessage
 Array = NDArray[np.float64]
 START_TIMEOUT_S = 60.0
 _WATCH = (sys.executable, "-m", "benchmarks.reliability.device_watch")
-_NODE = (sys.executable, "-m", "hapticmech_ros.nodes.entry")
+NODE = (sys.executable, "-m", "hapticmech_ros.nodes.entry")
 _RUN = (sys.executable, "-m", "hapticmech_ros", "run")
 _NOT_DEVICE = ("mechanism_simulator", "nullspace_analyser", "teleoperation_controller")
 _AT = {name: DeviceStateMessage.layout.slice(name) for name in DeviceStateMessage.layout}
@@ -96,7 +95,7 @@ Processes = Mapping[str, tuple[str, Sequence[str]]]
 def of_one_user(
     scene: str = "five_bar",
     parameters: Mapping[str, object] | None = None,
-    device: Sequence[str] = _NODE,
+    device: Sequence[str] = NODE,
 ) -> Processes:
     """Return the device on one side, and the rest of the graph, composed, on the other.
 
@@ -107,7 +106,7 @@ def of_one_user(
     """
     given = ros_arguments({"scene": scene, **(parameters or {})})
     return {
-        "rest": (REST, [*_NODE, ",".join(_NOT_DEVICE), *given]),
+        "rest": (REST, [*NODE, ",".join(_NOT_DEVICE), *given]),
         "device": (DEVICE, [*device, "haptic_device", *given]),
     }
 
@@ -126,9 +125,8 @@ def of_two_users(
         settings: ``node.parameter`` or ``parameter``, of all nodes.
     """
     near_nodes = [word for name in (near, *_NOT_DEVICE) for word in ("--only", name)]
-    run = [*_RUN, scene, "--respawn"]
-    for name, value in settings.items():
-        run += ["--set", f"{name}={value}"]
+    given = [word for name, value in settings.items() for word in ("--set", f"{name}={value}")]
+    run = [*_RUN, scene, "--respawn", *given]
     return {
         "rest": (REST, [*run, "--composed", *near_nodes]),
         "device": (DEVICE, [*run, "--only", f"{far}/haptic_device"]),
@@ -159,26 +157,24 @@ class SplitGraph(AbstractContextManager["SplitGraph"]):
         self._files = {name: folder / f"watch_{name}.npz" for name in watched}
         self._processes: dict[str, subprocess.Popen[str]] = {}
         self._watchers: dict[str, ReportingProcess] = {}
-        self._stack = ExitStack()
         environment = finding_benchmarks(private_environment(domain))
         # Namespaces are hosts: nothing of loopback only, and no network but the emulated one.
         environment.pop("FASTRTPS_DEFAULT_PROFILES_FILE", None)
         environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SUBNET"
         # rclpy and transports as the nodes have them.
         beside = {**environment, "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
-        try:
+        with ExitStack() as stack:
+            stack.callback(stop_processes, self._processes)
+            # They end first.
             for name, side in watched.items():
                 command = network.command(side, [*_WATCH, str(self._files[name]), name])
-                watcher = ReportingProcess(command, beside)
-                self._watchers[name] = self._stack.enter_context(watcher)
+                self._watchers[name] = stack.enter_context(ReportingProcess(command, beside))
             for name, (side, words) in processes.items():
                 self._log(name).unlink(missing_ok=True)
                 with output_to(self._log(name)):
                     started = start_process(network.command(side, words), environment)
                 self._processes[name] = started
-        except BaseException:
-            self.stop()
-            raise
+            self._stack = stack.pop_all()
 
     def _log(self, name: str) -> FilePath:
         return self._folder / f"{name}.log"
@@ -206,22 +202,15 @@ class SplitGraph(AbstractContextManager["SplitGraph"]):
         Raises:
             RuntimeError: it has started nothing.
         """
-        tasks = FilePath(f"/proc/{self._processes[name].pid}/task")
-        started = [
-            pid
-            for task in tasks.iterdir()
-            for pid in (task / "children").read_text(encoding="utf-8").split()
-        ]
-        if not started:
+        if not (started := psutil.Process(self._processes[name].pid).children()):
             raise RuntimeError(f"{name} has started nothing")
-        for pid in started:
-            os.kill(int(pid), signal.SIGKILL)
+        for process in started:
+            process.kill()
         return time.time()
 
     def stop(self) -> None:
         """End every process, those that watch first."""
         self._stack.close()
-        stop_processes(self._processes)
 
     def watched(self) -> dict[str, Watched]:
         """End all, and return what the devices went through, by their namespaces.
@@ -239,7 +228,6 @@ class SplitGraph(AbstractContextManager["SplitGraph"]):
     def _read(self, file: FilePath) -> Watched:
         with np.load(file) as found:
             states, energies, said = found["states"], found["energies"], found["said"]
-        reports = {name: self._log(name).read_text("utf-8") for name in self._processes}
         return Watched(
             states[:, 0] + 1e-9 * states[:, 1],
             states[:, _AT["position"]],
@@ -250,7 +238,7 @@ class SplitGraph(AbstractContextManager["SplitGraph"]):
             energies[:, 2],
             energies[:, 4],
             energies[:, 6],
-            reports,
+            {name: self._log(name).read_text("utf-8") for name in self._processes},
             tuple(str(text) for text in said),
         )
 

@@ -10,14 +10,15 @@ clock of every process that does not load the library.
 
 from __future__ import annotations
 
-import mmap
 import os
 import shutil
-import struct
 import subprocess
 import time
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from pathlib import Path
+
+import numpy as np
 
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.numerics.times import NANOSECONDS
@@ -35,46 +36,34 @@ def compiler() -> str:
     Raises:
         NoCompilerError: there is none.
     """
-    for name in ("cc", "gcc", "clang"):
-        path = shutil.which(name)
-        if path is not None:
-            return path
-    raise NoCompilerError("cc, gcc, clang: none is installed, and the stepped clock needs one")
+    for path in filter(None, map(shutil.which, ("cc", "gcc", "clang"))):
+        return path
+    raise NoCompilerError("no C compiler (cc, gcc, clang), and the stepped clock needs one")
 
 
-class SteppedClock:
+class SteppedClock(AbstractContextManager["SteppedClock"]):
     """The clock of the processes that are started with :meth:`environment`.
 
-    Use as a context manager: entering builds the library and sets the clock to the machine's.
+    It begins at the machine's time, and builds the library unless that is there.
 
     Args:
         folder: for the library and the offset; must exist as long as the processes run.
         name: of this clock: several share a folder.
+
+    Raises:
+        NoCompilerError: there is no C compiler.
+        HapticMechError: the library cannot be built.
     """
 
     def __init__(self, folder: Path, name: str = "clock") -> None:
         self._library = folder / "clock_shim.so"
         self._path = folder / f"{name}.offset"
-        self._map: mmap.mmap | None = None
-
-    def __enter__(self) -> SteppedClock:
-        """Build the library, unless it is there, and begin without an offset.
-
-        Raises:
-            NoCompilerError: there is no C compiler.
-            HapticMechError: the library cannot be built.
-        """
         if not self._library.exists():
             build(self._library)
-        self._path.write_bytes(bytes(8))
-        with self._path.open("r+b") as file:
-            self._map = mmap.mmap(file.fileno(), 8)
-        return self
+        self._offset = np.memmap(self._path, np.int64, "w+", shape=1)
 
     def __exit__(self, *error: object) -> None:
-        if self._map is not None:
-            self._map.close()
-            self._map = None
+        """Leave the offset to the processes that live by it."""
 
     def environment(self, environment: Mapping[str, str] | None = None) -> dict[str, str]:
         """Return an environment (this process's if left out) whose processes have this clock."""
@@ -85,20 +74,14 @@ class SteppedClock:
     @property
     def offset_ns(self) -> int:
         """How far the clock is ahead of the machine's, ns."""
-        return int(struct.unpack("=q", self._mapped()[:])[0])
+        return int(self._offset[0])
 
     def step(self, seconds: float) -> int:
         """Step the clock forward, or back if negative; return when, ns of the monotonic clock."""
-        packed = struct.pack("=q", self.offset_ns + round(seconds * NANOSECONDS))
-        mapped, when = self._mapped(), time.monotonic_ns()
+        offset_ns, when = self.offset_ns + round(seconds * NANOSECONDS), time.monotonic_ns()
         # Eight bytes at an aligned place: whoever reads sees the old offset or the new one.
-        mapped[:] = packed
+        self._offset[0] = offset_ns
         return when
-
-    def _mapped(self) -> mmap.mmap:
-        if self._map is None:
-            raise HapticMechError("stepped clock: must be entered before it is used")
-        return self._map
 
 
 def build(library: Path) -> None:
@@ -109,13 +92,9 @@ def build(library: Path) -> None:
         HapticMechError: it refuses the source.
     """
     partial = library.with_suffix(f".{os.getpid()}")
-    options = ["-O2", "-shared", "-fPIC", "-o", str(partial)]
-    done = subprocess.run(
-        [compiler(), *options, str(SOURCE), "-ldl", "-pthread"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    files = ["-o", str(partial), str(SOURCE)]
+    command = [compiler(), "-O2", "-shared", "-fPIC", *files, "-ldl", "-pthread"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         raise HapticMechError(f"{SOURCE.name}: cannot be built: {done.stderr.strip()[-400:]}")
     partial.rename(library)

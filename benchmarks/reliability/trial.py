@@ -48,7 +48,7 @@ class Fault:
         cause_ns: when, by the monotonic clock.
         released_ns: when it was over, so that the device may push again.
         first_output: the device itself was away: its first output after the end counts, by arrival.
-        offset_ns: of the device's clock from then on, to the machine's; the rig's if left out.
+        offset_ns: of the device's clock from then on, to the machine's.
         topics: whose force is looked at.
     """
 
@@ -57,7 +57,7 @@ class Fault:
     cause_ns: int
     released_ns: int
     first_output: bool = False
-    offset_ns: int | None = None
+    offset_ns: int = 0
     topics: tuple[int, ...] = (DEVICE,)
 
 
@@ -151,9 +151,7 @@ def observe(rig: Rig, fault: Fault, about: Callable[[str], bool], alive: bool = 
     patience = PATIENCE_S + (fault.released_ns - fault.cause_ns) / 1e9
 
     def look() -> Seen:
-        found = rig.samples(fault.since, *fault.topics)
-        offset_ns = rig.offset_ns if fault.offset_ns is None else fault.offset_ns
-        return seen(found, fault, offset_ns, rig.period_s)
+        return seen(rig.samples(fault.since, *fault.topics), fault, rig.period_s)
 
     # What did not happen in time stays infinite.
     with suppress(BenchError):
@@ -173,13 +171,10 @@ def observe(rig: Rig, fault: Fault, about: Callable[[str], bool], alive: bool = 
     return trial
 
 
-def carried_out(
-    part: str, rig: Rig, faults: Iterable[tuple[str, Callable[[], Trial]]]
-) -> list[Figure]:
+def carried_out(rig: Rig, faults: Iterable[tuple[str, Callable[[], Trial]]]) -> list[Figure]:
     """Carry out trials, tell of each as it was done, and return the figures of each name.
 
     Args:
-        part: of the campaign.
         rig: where they happen.
         faults: name that trials are summarised by, and what does one.
     """
@@ -187,43 +182,41 @@ def carried_out(
     for name, fault in faults:
         done.setdefault(name, []).append(fault())
         print(done[name][-1].log(rig.clean_max))
-    found = (summarised(part, name, trials, rig.clean_max) for name, trials in done.items())
+    found = (summarised(name, trials, rig.clean_max) for name, trials in done.items())
     return [figure for figures in found for figure in figures]
 
 
 def each_node(
-    part: str, quick: bool, out: Path, rate: float, try_fault: Callable[[Rig, str], Trial]
+    name: str, quick: bool, out: Path, rate: float, try_fault: Callable[[Rig, str], Trial]
 ) -> list[Figure]:
     """Do something to each node 100 times (quick: twice), in turn, and return the figures.
 
     Args:
-        part: of the campaign.
+        name: of the log.
         quick: a few trials.
         out: folder for logs.
         rate: control rate, Hz; 0: the scene's.
         try_fault: what is done to a node.
     """
     nodes = list(NODES) * (QUICK_TRIALS if quick else TRIALS)
-    with Rig(out, part, rate=rate) as rig:
-        figures = carried_out(part, rig, ((node, partial(try_fault, rig, node)) for node in nodes))
+    with Rig(out, name, rate=rate) as rig:
+        figures = carried_out(rig, ((node, partial(try_fault, rig, node)) for node in nodes))
         rig.ready()
-        left = Figure(part, "sockets left behind", rig.sockets_left(), most=0.0, trials=1)
-        return [*report_delays(part, rig), left, *figures]
+        left = Figure("sockets left behind", rig.sockets_left(), most=0.0, trials=1)
+        return [*report_delays(rig), left, *figures]
 
 
-def seen(found: Samples, fault: Fault, offset_ns: int = 0, period_s: float = 0.001) -> Seen:
+def seen(found: Samples, fault: Fault, period_s: float = 0.001) -> Seen:
     """Return when the device let go for good, and when it came back after the fault's end.
 
     Args:
         found: samples of the fault's topics since before it.
         fault: what was done.
-        offset_ns: of the device's clock to the machine's.
         period_s: control period of the graph, s.
     """
-    arrived, on = found["arrived_ns"], pushing(found)
-    lasted_ns = fault.released_ns - fault.cause_ns
-    made = _made_ns(arrived, found["stamp_ns"] - offset_ns, lasted_ns)
-    cause_ns, counts = fault.cause_ns, made >= fault.cause_ns
+    arrived, on, cause_ns = found["arrived_ns"], pushing(found), fault.cause_ns
+    made = _made_ns(arrived, found["stamp_ns"] - fault.offset_ns, fault.released_ns - cause_ns)
+    counts = made >= cause_ns
     if fault.first_output:
         # One that was on its way, or half sent, was made before.
         counts &= arrived >= fault.released_ns
@@ -298,17 +291,19 @@ def _trace(rig: Rig, fault: Fault) -> str:
     return "\n".join(f"{since(at_ns)}  {text}" for at_ns, text in sorted(lines))
 
 
-def summarised(part: str, name: str, trials: Sequence[Trial], clean_max: float) -> list[Figure]:
-    """Return the worst of some trials as figures, with the limits that they have to keep."""
-    figure = figures_of(part, name, len(trials))
+def summarised(name: str, trials: Sequence[Trial], clean_max: float) -> list[Figure]:
+    """Return the worst of some trials, one or more, as figures, with limits that they are to keep.
 
-    def worst(of: Callable[[Trial], float]) -> float:
-        return max(map(of, trials), default=math.nan)
+    Args:
+        name: of what was done in all of them.
+        trials: with what followed.
+        clean_max: largest force of a clean run, N.
+    """
+    figure = figures_of(name, len(trials))
 
-    def share(of: Callable[[Trial], object]) -> float:
-        return 100.0 * float(np.mean([bool(of(trial)) for trial in trials])) if trials else math.nan
+    def share(held: Iterable[object]) -> float:
+        return 100.0 * float(np.mean(list(map(bool, held))))
 
-    zero_goal = max((1e3 * trial.zero_goal_s for trial in trials), default=None)
     judged, paused = (
         [trial.peak / clean_max for trial in trials if trial.paused is left_out]
         for left_out in (False, True)
@@ -319,21 +314,26 @@ def summarised(part: str, name: str, trials: Sequence[Trial], clean_max: float) 
     return [
         figure(
             "zero force after, by the device's stamps, worst",
-            worst(lambda trial: 1e3 * trial.zero_s),
+            1e3 * max(one.zero_s for one in trials),
             "ms",
-            most=zero_goal,
+            most=1e3 * max(one.zero_goal_s for one in trials),
         ),
-        figure("zero force after, by arrival, worst", worst(lambda one: 1e3 * one.heard_s), "ms"),
         figure(
-            "rendering again after, worst", worst(lambda one: one.back_s), "s", most=GOAL_BACK_S
+            "zero force after, by arrival, worst", 1e3 * max(one.heard_s for one in trials), "ms"
+        ),
+        figure(
+            "rendering again after, worst",
+            max(one.back_s for one in trials),
+            "s",
+            most=GOAL_BACK_S,
         ),
         figure("largest force, of a clean run's", most, most=GOAL_PEAK, trials=len(judged)),
         figure(f"trials with more force than {GOAL_PEAK} of that", above),
         figure(
             "the same in trials left out", max(paused, default=0.0), trials=len(paused), note=why
         ),
-        figure("said", share(lambda trial: trial.said), "%", least=100.0),
-        figure("all other nodes went on", share(lambda trial: trial.alive), "%", least=100.0),
+        figure("said", share(one.said for one in trials), "%", least=100.0),
+        figure("all other nodes went on", share(one.alive for one in trials), "%", least=100.0),
         figure(
             "outputs with force before the first zero",
             sum(trial.stale for trial in trials),
@@ -342,13 +342,13 @@ def summarised(part: str, name: str, trials: Sequence[Trial], clean_max: float) 
     ]
 
 
-def report_delays(part: str, rig: Rig) -> list[Figure]:
+def report_delays(rig: Rig) -> list[Figure]:
     """Return how late the watcher itself is, and what a clean run's force is."""
     late = rig.lateness_ns / MS
-    figure = figures_of(part, "watcher", len(late))
+    figure = figures_of("watcher", len(late))
     note = "arrival less stamp, of a clean run"
     return [
-        Figure(part, "clean run: largest force", rig.clean_max, "N", trials=1),
+        Figure("clean run: largest force", rig.clean_max, "N", trials=1),
         figure("lateness, median", float(np.median(late)), "ms", note=note),
         figure("lateness, worst", float(late.max()), "ms", note=note),
     ]

@@ -5,8 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -41,20 +40,12 @@ def usage(pid: int) -> Usage:
     Raises:
         BenchError: there is no such process any more.
     """
-    with _alive(pid):
+    try:
         process = psutil.Process(pid)
         memory = process.memory_full_info()
         return Usage(memory.rss, memory.pss, process.num_fds(), process.num_threads())
-
-
-def processor_s(pid: int) -> float:
-    """Return how much time of processors a process has taken, s.
-
-    Raises:
-        BenchError: there is no such process any more.
-    """
-    with _alive(pid):
-        return float(sum(psutil.Process(pid).cpu_times()[:2]))
+    except psutil.NoSuchProcess:
+        raise BenchError(f"process {pid} ended by itself") from None
 
 
 def resident(pid: int) -> float:
@@ -63,14 +54,6 @@ def resident(pid: int) -> float:
         return float(psutil.Process(pid).memory_info().rss) or math.nan
     except psutil.NoSuchProcess:
         return math.nan
-
-
-@contextmanager
-def _alive(pid: int) -> Iterator[None]:
-    try:
-        yield
-    except psutil.NoSuchProcess:
-        raise BenchError(f"process {pid} ended by itself") from None
 
 
 def blocks(values: Sequence[float], most: int) -> npt.NDArray[np.float64]:

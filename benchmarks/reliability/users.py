@@ -20,20 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.children import BenchError
-from benchmarks.reliability.emulated_network import (
-    DEVICE,
-    REST,
-    EmulatedNetwork,
-    Path,
-    not_permitted,
-)
+from benchmarks.reliability.emulated_network import DEVICE, REST, EmulatedNetwork, Path
 from benchmarks.reliability.figure import Figure, unmeasured
 from benchmarks.reliability.network import BACK_S, ENERGY_J, KINDS, NO_DELAY
 from benchmarks.reliability.split_graph import Array, SplitGraph, Watched, of_two_users, run_for
 from hapticmech_ros.scene import Scene, document_of, scene_from_document
 from hapticmech_ros.session import SharedSession
 
-PART = "users"
 NEAR, FAR = "near", "far"
 # J, slack of passivity control at each port: the shipped one, and one so small that it acts.
 SLACK_J, TIGHT_J = 0.1, 1e-3
@@ -157,8 +150,7 @@ class Seen:
         for one in self.both:
             time, hand = one.energy_time, one.from_hand
             gave = np.maximum.accumulate(np.maximum(-one.to_mechanism, 0.0))
-            inside = (time > self.begun) & (time < self.cut)
-            ports.append(float((hand + gave)[inside].min()))
+            ports.append(float((hand + gave)[(time > self.begun) & (time < self.cut)].min()))
             total += np.interp(times, time, hand)
         return ports[0], ports[1], float(total.min())
 
@@ -249,8 +241,8 @@ def watched(
     """
     out.mkdir(parents=True, exist_ok=True)
     file = out / "held_body.yaml"
-    scene = held_body(path, True, period, slack)
-    file.write_text(json.dumps(document_of(scene)), encoding="utf-8")
+    document = document_of(held_body(path, True, period, slack))
+    file.write_text(json.dumps(document), encoding="utf-8")
     processes = of_two_users(str(file), NEAR, FAR, settings)
     sides = {NEAR: REST, FAR: DEVICE}
     for _ in range(TRIES):
@@ -281,18 +273,19 @@ def run(quick: bool, out: FilePath) -> list[Figure]:
     Args:
         quick: two trials instead of all.
         out: folder for logs and what was watched.
+
+    Raises:
+        NoNetworkError: no network can be emulated here.
     """
-    if reason := not_permitted():
-        return [unmeasured(PART, "all of it", reason)]
     figures: list[Figure] = []
     for delay, kind, slack in QUICK if quick else TRIALS:
-        name = f"{1e3 * delay:g} ms, {kind}"
-        name += f", slack of {1e3 * slack:g} mJ" if slack != SLACK_J else ""
+        also = f", slack of {1e3 * slack:g} mJ" if slack != SLACK_J else ""
+        name = f"{1e3 * delay:g} ms, {kind}{also}"
         folder, path = f"users_{name.replace(' ', '_')}", Path(delay, **KINDS[kind])
         try:
             seen = watched(path, out / folder, slack=slack)
         except BenchError as error:
-            figures.append(unmeasured(PART, name, str(error)))
+            figures.append(unmeasured(name, str(error)))
             continue
         if slack == SLACK_J:
             figures += _of_motion(name, path, seen)
@@ -306,11 +299,11 @@ def _of_motion(name: str, path: Path, seen: Seen) -> Iterator[Figure]:
     off = 1e3 * float(np.abs(moved - np.interp(time, known, expected))[common].max())
     way, error = 1e3 * RESTS_AT, 1e3 * REST_ERROR * RESTS_AT
     rests = 1e3 * seen.rests_at(seen.cut, 1.0)
-    yield Figure(PART, f"{name}: moves the other by", rests, "mm", way + error, way - error, 1)
-    yield Figure(PART, f"{name}: off a session's motion by", off, "mm", MOTION_ERROR * way, None, 1)
+    yield Figure(f"{name}: moves the other by", rests, "mm", way + error, way - error, 1)
+    yield Figure(f"{name}: off a session's motion by", off, "mm", MOTION_ERROR * way, None, 1)
     zero = 1e3 * seen.far.zero_after(seen.cut, seen.mended)
     within = 1e3 * (path.delay * (1.0 + path.jitter) + MARGIN_S)
-    yield Figure(PART, f"{name}: cut, zero force within", zero, "ms", within, None, 1)
+    yield Figure(f"{name}: cut, zero force within", zero, "ms", within, None, 1)
     for what, start, end, most in (
         ("cut", seen.cut, seen.mended, BACK_S),
         ("killed", seen.killed, seen.killed + RETURNS_S, None),
@@ -318,15 +311,15 @@ def _of_motion(name: str, path: Path, seen: Seen) -> Iterator[Figure]:
         left = 1e3 * abs(seen.rests_at(start + RETURNS_S))
         again = seen.far.back_after(seen.mended if what == "cut" else start)
         after = f"{name}: {what}, "
-        yield Figure(PART, f"{after}the other is held", seen.held(start, end), "", None, HELD, 1)
-        yield Figure(PART, f"{after}left of its way", left, "mm", 2.0 * error, None, 1)
-        yield Figure(PART, f"{after}renders again within", again, "s", most, None, 1)
+        yield Figure(f"{after}the other is held", seen.held(start, end), "", None, HELD, 1)
+        yield Figure(f"{after}left of its way", left, "mm", 2.0 * error, None, 1)
+        yield Figure(f"{after}renders again within", again, "s", most, None, 1)
 
 
 def _of_energies(name: str, path: Path, slack: float, seen: Seen) -> Iterator[Figure]:
     near, far, total = seen.energies()
-    yield Figure(PART, f"{name}: least E_h, near", near, "J", None, ENERGY_J, 1)
-    yield Figure(PART, f"{name}: least E_h, far", far, "J", None, ENERGY_J, 1)
+    yield Figure(f"{name}: least E_h, near", near, "J", None, ENERGY_J, 1)
+    yield Figure(f"{name}: least E_h, far", far, "J", None, ENERGY_J, 1)
     expected = simulated(path, slack=slack)[-1]
     note = f"{expected:.2g} J in a session"
-    yield Figure(PART, f"{name}: E_h in sum", total, "J", None, expected - SUM_J, 1, note)
+    yield Figure(f"{name}: E_h in sum", total, "J", None, expected - SUM_J, 1, note)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Watches a graph from outside: every control message, when it arrived, and what nodes say.
 
-Usage: ``python watch.py RING [POINT]``; with a point it also listens to the mechanism's
+``python -m benchmarks.reliability.watch RING [POINT]``; with a point it also hears the mechanism's
 and the analyser's messages. Samples go into a ring that the parent reads; what nodes say in their
 diagnostics and logs, and how many publishers the topics have that one node may speak on, is told
 by lines of JSON. Times of arrival are by the monotonic clock.
@@ -22,9 +22,6 @@ from geometry_msgs.msg import WrenchStamped
 from rcl_interfaces.msg import Log
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
-
-# By its place, as when this file is run by its path.
-sys.path.append(str(Path(__file__).resolve().parents[2]))
 
 from benchmarks.reliability.sample import COMMAND, DEVICE, MECHANISM, POINT_MODEL, Ring
 from hapticmech_ros.errors import HapticMechError
@@ -60,7 +57,7 @@ Told = tuple[int, float, float]
 class GraphWatch(Node):
     """Puts every control message into the ring and tells what the nodes say."""
 
-    def __init__(self, ring: Ring, point: str) -> None:
+    def __init__(self, ring: Ring, point: str = "") -> None:
         super().__init__("graph_watch")
         self._ring = ring
         self._last: dict[str, str] = {}
@@ -78,8 +75,6 @@ class GraphWatch(Node):
         self._realtime = Realtime(REQUEST)
 
     def _listen(self, topic: int, name: str, kind: type, read: Callable[[bytes], Told]) -> None:
-        ring = self._ring
-
         def keep(message: bytes, info: Info) -> None:
             now = time.monotonic_ns()
             try:
@@ -89,34 +84,30 @@ class GraphWatch(Node):
             if not 0 <= stamp < LAST:
                 stamp = 0
             number = info["publication_sequence_number"]
-            ring.put((topic, now, stamp, number if number < LAST else 0, force, torque))
+            self._ring.put((topic, now, stamp, number if number < LAST else 0, force, torque))
 
         self.create_subscription(kind, name, WithInfo(keep), RECORDER_SUBSCRIBER, raw=True)
 
     def _count(self) -> None:
         for topic, before in self._counted.items():
-            count = self.count_publishers(topic)
-            if count != before:
+            if (count := self.count_publishers(topic)) != before:
                 self._counted[topic] = count
-                now = time.monotonic_ns()
-                write_progress(
-                    "publishers", topic=topic, count=count, fewer=count < before, at_ns=now
-                )
+                _tell("publishers", topic=topic, count=count, fewer=count < before)
 
     def _on_status(self, message: DiagnosticArray) -> None:
         for status in message.status:
             figures = {pair.key: pair.value for pair in status.values}
             text = "; ".join(t for t in (status.message, figures.get("fault", "")) if t)
             well = status.level == DiagnosticStatus.OK
-            now = time.monotonic_ns()
-            write_progress(
-                "said", node=status.name, text=text, well=well, by="diagnostics", at_ns=now
-            )
+            _tell("said", node=status.name, text=text, well=well, by="diagnostics")
 
     def _on_log(self, message: Log) -> None:
         well = message.level < Log.WARN
-        now = time.monotonic_ns()
-        write_progress("said", node=message.name, text=message.msg, well=well, by="log", at_ns=now)
+        _tell("said", node=message.name, text=message.msg, well=well, by="log")
+
+
+def _tell(event: str, **facts: object) -> None:
+    write_progress(event, **facts, at_ns=time.monotonic_ns())
 
 
 def _device(message: bytes) -> Told:
@@ -141,6 +132,4 @@ if __name__ == "__main__":
     wake_up_in_time()
     gc.collect()
     gc.freeze()
-    found, *rest = sys.argv[1:]
-    kept = Ring(Path(found))
-    sys.exit(watch(lambda: GraphWatch(kept, rest[0] if rest else ""), []))
+    sys.exit(watch(lambda: GraphWatch(Ring(Path(sys.argv[1])), *sys.argv[2:]), []))

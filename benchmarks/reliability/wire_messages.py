@@ -12,7 +12,8 @@ import hashlib
 import os
 import time
 from collections.abc import Callable, Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +41,7 @@ from hapticmech_ros.nodes.loop import wait_for_messages
 from hapticmech_ros.nodes.messages import LATCHED
 from hapticmech_ros.wire.topics import CONTROLLER, DEVICE
 
-PART, SCENE, POINT = "messages", "five_bar", "handle"
+SCENE, POINT = "five_bar", "handle"
 DEVICE_OUT, MECHANISM_OUT = "device/state", "mechanism/state"
 POINT_MODEL_OUT, GAIN_OUT = f"analysis/{POINT}/operational_model", "device/local_feedback_gain"
 COMMANDS = ("device/servo_cf", f"mechanism/{POINT}/servo_cf")
@@ -91,13 +92,13 @@ def run_wire(count: int, out: Path, free: bool = False) -> list[Figure]:
         "haptic_device.command_timeout": 0.05,
         "teleoperation_controller.input_timeout": 0.05,
     }
-    with output_to(out / f"{name}.log"), Graph(SCENE, False, "", parameters) as graph:
-        attack = Attack(graph, environment, free)
-        try:
-            attack.wait(attack.renders, STARTS_WITHIN_S, "the graph to render")
-            attack.run(count)
-        finally:
-            attack.close()
+    with (
+        output_to(out / f"{name}.log"),
+        Graph(SCENE, False, "", parameters) as graph,
+        closing(Attack(graph, environment, free)) as attack,
+    ):
+        attack.wait(attack.renders, STARTS_WITHIN_S, "the graph to render")
+        attack.run(count)
     notes = [f"{name}: {text}" for name, text in sorted(attack.told.items())]
     (out / f"{name}.txt").write_text("\n".join(notes), "utf-8")
     return attack.figures(count)
@@ -124,12 +125,10 @@ class Attack(Stranger):
         self.sent = 0
         self.silence_s = 0.0
         self.memory = {name: MemoryGrowth() for name in graph.processes}
-        self.back = False
         self.ended: list[str] = []
         self.told: dict[str, str] = {}
-        self._heard_s: dict[str, float] = {}
-        self._well: dict[str, bool] = {}
-        self._refused: dict[str, int] = {}
+        # By node: when it was heard last, s; whether it is well; how many messages it has refused.
+        self._said: dict[str, tuple[float, bool, int]] = {}
         self._samples: dict[str, bytes] = {}
         received: dict[str, Any] = {
             **dict.fromkeys(
@@ -151,6 +150,7 @@ class Attack(Stranger):
             for name in graph.processes
         ]
         self._asked: list[Future | None] = [None] * len(self._clients)
+        self._spin = partial(wait_for_messages, self.executor)
         self.requests = self.answered = 0
         self._grasped: list[PoseStamped] = []
         grasped = f"mechanism/{POINT}/operational_point"
@@ -159,11 +159,11 @@ class Attack(Stranger):
     @property
     def refused(self) -> int:
         """How many messages nodes have refused."""
-        return sum(self._refused.values())
+        return sum(refused for _, _, refused in self._said.values())
 
     def renders(self) -> bool:
         """Return whether every node says that all is well."""
-        return len(self._well) >= 4 and all(self._well.values())
+        return len(self._said) >= 4 and all(well for _, well, _ in self._said.values())
 
     def wait(self, condition: Callable[[], object], timeout_s: float, what: str) -> None:
         """Handle messages until a condition holds.
@@ -198,7 +198,7 @@ class Attack(Stranger):
                 self.sent += 1
             self._ask()
             self._spin(PAUSE_S)
-            silences = (time.monotonic() - heard for heard in self._heard_s.values())
+            silences = (time.monotonic() - heard_s for heard_s, _, _ in self._said.values())
             self.silence_s = max(self.silence_s, *silences, 0.0)
             for name, process in self._graph.processes.items():
                 if self.memory[name].due(self.sent, count):
@@ -208,14 +208,9 @@ class Attack(Stranger):
             self.node.destroy_publisher(publisher)
         self._spin(RECOVERS_S)
         with suppress(BenchError):
-            answered = [one for one in self._asked if one is not None]
-            what = "answers to the last requests"
-            self.wait(lambda: all(one.done() for one in answered), BACK_WITHIN_S, what)
+            self.wait(self._has_all_answers, BACK_WITHIN_S, "answers to the last requests")
         with suppress(BenchError):
-            # Device and controller: what others warn of may last.
-            well = self._well
-            self.wait(lambda: all(map(well.get, RENDERING)), BACK_WITHIN_S, "the graph's return")
-            self.back = True
+            self.wait(self._is_back, BACK_WITHIN_S, "the graph's return")
         if self.seen.examples:
             self.told["wrong"] = "; ".join(self.seen.examples)
         self.ended = self._graph.ended()
@@ -224,27 +219,33 @@ class Attack(Stranger):
 
     def figures(self, count: int) -> list[Figure]:
         """Return what was found."""
-        figure = figures_of(PART, self._where, self.sent)
-        warning = sorted(name for name, well in self._well.items() if not well)
+        figure = figures_of(self._where, self.sent)
+        warning = sorted(name for name, (_, well, _) in self._said.items() if not well)
         note = "as counted by the nodes that refused them; more were taken"
-        silent = self.requests - self.answered
         return [
             figure("messages delivered", self.refused, least=count, note=note),
             figure("processes that ended", len(self.ended), most=0.0),
             figure("longest silence of a node", self.silence_s, "s", most=HANG_S),
-            figure("requests without a refusal", silent, most=0.0),
+            figure("requests without a refusal", self.requests - self.answered, most=0.0),
             figure("outputs not finite", self.seen.not_finite, most=0.0),
-            *self.seen.figures(PART, self._where, renders=self._free),
-            figure("graphs that did not come back", int(not self.back), most=0.0),
+            *self.seen.figures(self._where, renders=self._free),
+            figure("graphs that did not come back", int(not self._is_back()), most=0.0),
             figure(
                 "nodes that still warn",
                 len(warning),
-                trials=len(self._well),
+                trials=len(self._said),
                 note=", ".join(warning),
             ),
-            worst_growth(PART, self._where, list(self.memory.values()), self.sent),
+            worst_growth(self._where, list(self.memory.values()), self.sent),
             figure("outputs looked at", self.seen.messages),
         ]
+
+    def _has_all_answers(self) -> bool:
+        return all(one is None or one.done() for one in self._asked)
+
+    def _is_back(self) -> bool:
+        # Device and controller: what others warn of may last.
+        return all(name in self._said and self._said[name][1] for name in RENDERING)
 
     def _ask(self) -> None:
         """Ask a node for parameters of types that there are not, unless it has yet to answer."""
@@ -277,9 +278,8 @@ class Attack(Stranger):
     def _on_status(self, message: DiagnosticArray) -> None:
         for status in message.status:
             figures = {pair.key: pair.value for pair in status.values}
-            self._heard_s[status.name] = time.monotonic()
-            self._well[status.name] = status.level == DiagnosticStatus.OK
-            self._refused[status.name] = int(figures.get("refused_messages", "0"))
+            well, refused = status.level == DiagnosticStatus.OK, figures.get("refused_messages", 0)
+            self._said[status.name] = time.monotonic(), well, int(refused)
             keys = ("refused_messages", "last_refusal", "failures", "last_failure")
             told = ", ".join(f"{key} {figures.get(key, '')}" for key in keys)
             self.told[status.name] = f"{status.message}; {told}"
@@ -294,9 +294,6 @@ class Attack(Stranger):
             elif topic.endswith("/set_operational_point") and self._grasped:
                 publisher.publish(self._grasped[0])
         self._spin(0.5)
-
-    def _spin(self, seconds: float) -> None:
-        wait_for_messages(self.executor, seconds)
 
 
 def _known(message: bytes) -> bytes:

@@ -147,9 +147,8 @@ class RobotResults(MachineResults):
 
     def figures(self) -> Mapping[str, Figure]:
         """Return felt over desired impedance of environments."""
-        if not self.environments:
-            return {}
-        return {"felt_environment.png": environment_figure(self.environments)}
+        found = self.environments
+        return {"felt_environment.png": environment_figure(found)} if found else {}
 
     def _settings(self) -> Sheet:
         rows = (
@@ -228,9 +227,8 @@ class RobotResults(MachineResults):
             kept=32,
         )
 
-    def _goals(self) -> list[Verdict]:
-        """Return in which tasks our law, with the observer, is ahead of the others, in what."""
-        goals = []
+    def _goals(self) -> Iterator[Verdict]:
+        """Yield in which tasks our law, with the observer, is ahead of the others, in what."""
         keys = dict.fromkeys((row.task, row.condition) for row in self.rows)
         for task, condition in keys:
             rows = [row for row in self.rows if (row.task, row.condition) == (task, condition)]
@@ -247,8 +245,7 @@ class RobotResults(MachineResults):
                     other = min(errors, key=lambda name: errors[name])
                     seen = f"{own:.3g} {unit}, {other} {errors[other]:.3g} {unit}"
                     least = f"{task}, {condition}: least error of the {what}"
-                    goals.append(verdict(least, seen, own <= errors[other]))
-        return goals
+                    yield verdict(least, seen, own <= errors[other])
 
 
 def _cells(found: Measured | None) -> tuple[str, ...]:
@@ -331,8 +328,7 @@ def choose(
     # A law whose setting is not chosen is measured with it, whatever comes of it.
     counts = len(tried) == 1 or min(scores) < float("inf")
     best = tried[int(np.argmin(scores))] if counts else None
-    values = None if best is None else best.values
-    observer = 0.0 if best is None else best.observer
+    values, observer = (best.values, best.observer) if best else (None, 0.0)
     return Chosen(robot, condition, law, values, observer, len(tried)), best
 
 
@@ -370,7 +366,7 @@ def run_benchmark(
                 chosen.append(found)
                 if best is not None:
                     rows += [Row(one.task.name, condition, law, done(one, best)) for one in of]
-    cases = elsewhere(show) if others and not quick else ()
+    cases = tuple(elsewhere(show)) if others and not quick else ()
     walls = tuple(
         felt(interface, share, with_rates, passive=held)
         for interface, with_rates in INTERFACES

@@ -79,10 +79,13 @@ class _Robot(DrivenRobot):
 
     def __init__(self, interface: Interface, rate: float, with_rates: bool) -> None:
         scene = load_scene(IIWA)
-        gains = Gains(linear_rate=rate, angular_rate=rate)
-        law = OperationalLaw(Mechanism(scene), gains=gains, torque_limits=np.array(IIWA_LIMITS))
-        start = law.state(law.posture, 0.0 * law.posture).point.pose.translation
-        self.start = start.copy()
+        law = OperationalLaw(
+            Mechanism(scene),
+            gains=Gains(linear_rate=rate, angular_rate=rate),
+            torque_limits=np.array(IIWA_LIMITS),
+        )
+        at_rest = law.state(law.posture, 0.0 * law.posture)
+        self.start = at_rest.point.pose.translation.copy()
         wall = Wall(self.start + (GAP + RADIUS) * INTO, -INTO)
         robot = MujocoRobot(scene, around=Around(wall, RADIUS), step=PERIOD / STEPS)
         super().__init__(robot, law, interface, with_rates, PERIOD)

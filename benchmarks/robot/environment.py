@@ -51,8 +51,7 @@ CAPTION = (
 
 def loop() -> Loop:
     """Return the carriage that leads an iiwa."""
-    gains = Gains(linear_rate=RATE, angular_rate=RATE)
-    return Loop(load_scene(CARRIAGE), load_scene(IIWA), gains)
+    return Loop(load_scene(CARRIAGE), load_scene(IIWA), Gains(linear_rate=RATE, angular_rate=RATE))
 
 
 def _outcome(one: FeltEnvironment) -> str:

@@ -187,12 +187,11 @@ def felt_environment(
         velocity = np.full(times.size, np.nan)
     means = means_of(push)
     own = (mechanism_twists(setup, means) - mechanism_twists(setup, 0.0 * means))[:, loop.axis]
-    given = samples_of(force)
-    pushed, desired = (_steady(times, one, frequencies, window)[1] for one in (given, own))
+    pushed, desired = (
+        _steady(times, one, frequencies, window)[1] for one in (samples_of(force), own)
+    )
     s = 2.0j * np.pi * frequencies
-    stiff = environment.dynamic_stiffness(s)
-    mechanism = pushed / desired
-    reference = mechanism + stiff / s
+    reference = pushed / desired + environment.dynamic_stiffness(s) / s
     felt = np.full(frequencies.size, complex(np.nan, np.nan))
     if np.isfinite(velocity).all():
         before, after = _steady(times, velocity, frequencies, window)

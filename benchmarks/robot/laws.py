@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import product, starmap
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -158,8 +159,7 @@ def ours(
 
     def make(mechanism: Mechanism, point: str, limits: Array) -> Law:
         scene = mechanism.scene.with_(f"perception={{s_on: {0.4 * s_off}, s_off: {s_off}}}")
-        law = OperationalLaw(Mechanism(scene), point, gains, torque_limits=limits)
-        return Ours(law)
+        return Ours(OperationalLaw(Mechanism(scene), point, gains, torque_limits=limits))
 
     return Setting(OURS, {"rate": found.law, "observer": found.observer}, make, found.observer)
 
@@ -182,8 +182,7 @@ def damped(rate: float, factor: float) -> Setting:
     gains = Gains(linear_rate=rate, angular_rate=rate)
 
     def make(mechanism: Mechanism, point: str, limits: Array) -> Law:
-        law = OperationalLaw(mechanism, point, gains, torque_limits=limits)
-        return DampedInverse(law, factor)
+        return DampedInverse(OperationalLaw(mechanism, point, gains, torque_limits=limits), factor)
 
     return Setting(DAMPED, {"rate": rate, "factor": factor}, make)
 
@@ -196,11 +195,11 @@ def others(quick: bool = False) -> dict[str, list[Setting]]:
     """
     if quick:
         return {IMPEDANCE: [impedance(3000.0, 30.0, 0.7)], DAMPED: [damped(40.0, 0.1)]}
-    stiff = [
-        impedance(k, c, d) for k in STIFFNESSES for c in ANGULAR_STIFFNESSES for d in DAMPING_RATIOS
-    ]
-    inverse = [damped(rate, factor) for rate in RATES for factor in FACTORS]
-    return {IMPEDANCE: stiff, DAMPED: inverse}
+    grid = product(STIFFNESSES, ANGULAR_STIFFNESSES, DAMPING_RATIOS)
+    return {
+        IMPEDANCE: list(starmap(impedance, grid)),
+        DAMPED: list(starmap(damped, product(RATES, FACTORS))),
+    }
 
 
 def settings(task: Task, quick: bool = False) -> dict[str, list[Setting]]:
@@ -217,5 +216,5 @@ def settings(task: Task, quick: bool = False) -> dict[str, list[Setting]]:
         name + OBSERVED: [one._replace(observer=OBSERVER) for one in tried]
         for name, tried in plain.items()
     }
-    own = {OURS + OBSERVED: [ours(task)]}
-    return {**own, **observed, OURS: [ours(task, observed=False)], **plain}
+    own = [ours(task)]
+    return {OURS + OBSERVED: own, **observed, OURS: [ours(task, observed=False)], **plain}

@@ -67,13 +67,12 @@ class Elsewhere:
         return self.errors[1] < min(self.errors[2:])
 
 
-def elsewhere(show: Show) -> tuple[Elsewhere, ...]:
-    """Return the path errors of the laws in all cases.
+def elsewhere(show: Show) -> Iterator[Elsewhere]:
+    """Yield the path errors of the laws in all cases.
 
     Args:
         show: called with what was done.
     """
-    found = []
     for number, (start, end) in enumerate(PATHS, 1):
         task = wrist_path(np.array(start), np.array(end))
         own = [[ours(task, seen, beyond) for beyond in (0.0, FAR)] for seen in (False, True)]
@@ -83,9 +82,8 @@ def elsewhere(show: Show) -> tuple[Elsewhere, ...]:
                 errors = [stage.path_error(setting) for setting in own[observed]]
                 rate = OBSERVER if observed else 0.0
                 errors += [_best(stage, tried, rate) for tried in others().values()]
-                found.append(Elsewhere(number, unknown, observed, tuple(errors)))
                 show(f"wrist path {number}, {unknown}, observer {observed}: {errors} mm")
-    return tuple(found)
+                yield Elsewhere(number, unknown, observed, tuple(errors))
 
 
 def _best(stage: Stage, tried: list[Setting], observer: float) -> float:
@@ -117,10 +115,12 @@ def elsewhere_sheets(found: tuple[Elsewhere, ...]) -> Iterator[Sheet]:
             )
             for one in cases
         ]
-        columns = ("path", "observer", "payload, kg", "beyond, m", "damping", "friction")
         yield Sheet(
             f"path error, rms, mm, {title}",
-            (*columns, *LAWS, "ahead"),
+            (
+                *("path", "observer", "payload, kg", "beyond, m", "damping", "friction"),
+                *(*LAWS, "ahead"),
+            ),
             tuple(rows),
             caption=f"ahead, {FAR:g} m beyond: {sum(one.ahead for one in cases)} of {len(cases)}",
         )

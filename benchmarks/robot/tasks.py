@@ -33,6 +33,8 @@ LEVER = 0.1
 SETTLE_S = 1.0
 
 Motion = Callable[[float], Target]
+# A share of a way by time and duration (s), and its derivatives.
+Timing = Callable[[float, float], tuple[float, float, float]]
 
 
 @dataclass(frozen=True)
@@ -65,8 +67,7 @@ def share(time: float, duration: float) -> tuple[float, float, float]:
     x = float(np.clip(time / duration, 0.0, 1.0))
     position = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
     rate = 30.0 * x**2 * (1.0 - x) ** 2 / duration
-    change = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / duration**2
-    return position, rate, change
+    return position, rate, 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / duration**2
 
 
 def straight(start: pin.SE3, way: Array, duration: float) -> Motion:
@@ -87,46 +88,34 @@ def straight(start: pin.SE3, way: Array, duration: float) -> Motion:
     return at
 
 
-def through_joints(law: OperationalLaw, start: Array, end: Array, duration: float) -> Motion:
-    """Return the tool's motion while all joints go straight to others: one that a robot can make.
+def there_and_back(time: float, duration: float) -> tuple[float, float, float]:
+    """Return half of 1 - cos, squared, from 0 to 1 and back, and its derivatives, 1, 1/s and 1/s².
 
-    Args:
-        law: of the robot.
-        start: (nv,) rad.
-        end: (nv,) rad.
-        duration: s.
-    """
-
-    def at(time: float) -> Target:
-        position, rate, change = share(time, duration)
-        way = end - start
-        point = law.state(start + position * way, rate * way).point
-        return Target(point.pose, point.twist, point.jacobian @ (change * way) + point.drift)
-
-    return at
-
-
-def stretched(
-    law: OperationalLaw, start: Array, end: Array, beyond: Array, duration: float
-) -> Motion:
-    """Return a motion of the tool out of what a robot can reach, and back to where it began.
-
-    Args:
-        law: of the robot.
-        start: (nv,) rad.
-        end: (nv,) rad, a pose at the end of its reach.
-        beyond: (3,) m, from there on.
-        duration: s.
+    It rests at both ends with its first three derivatives.
     """
     turn = 2.0 * np.pi / duration
+    angle = turn * float(np.clip(time, 0.0, duration))
+    c, s = np.cos(angle), np.sin(angle)
+    half, slope, bend = 0.5 * (1.0 - c), 0.5 * s * turn, 0.5 * c * turn**2
+    return half**2, 2.0 * half * slope, 2.0 * (slope**2 + half * bend)
+
+
+def through_joints(
+    law: OperationalLaw, start: Array, end: Array, timing: Timing, beyond: Array
+) -> Motion:
+    """Return the tool's motion while all joints go straight to others, and beyond what they reach.
+
+    Args:
+        law: of the robot.
+        start: (nv,) rad.
+        end: (nv,) rad, for a motion beyond it a pose at the end of the reach.
+        timing: share of the way by time, over ``PATH_S``.
+        beyond: (3,) m, added by the square of the share; zeros: the robot can make the motion.
+    """
+    way = end - start
 
     def at(time: float) -> Target:
-        angle = turn * float(np.clip(time, 0.0, duration))
-        c, s = np.cos(angle), np.sin(angle)
-        # Half of 1 - cos, squared: it rests at both ends with its first three derivatives.
-        half, slope, bend = 0.5 * (1.0 - c), 0.5 * s * turn, 0.5 * c * turn**2
-        position, rate, change = half**2, 2.0 * half * slope, 2.0 * (slope**2 + half * bend)
-        way = end - start
+        position, rate, change = timing(time, PATH_S)
         point = law.state(start + position * way, rate * way).point
         twist, acceleration = point.twist.copy(), point.jacobian @ (change * way) + point.drift
         twist[:3] += 2.0 * position * rate * beyond
@@ -165,7 +154,7 @@ def _through(
     name: str, law: OperationalLaw, limits: tuple[float, ...], start: Array, end: Array
 ) -> Task:
     """Return the task of a robot whose joints go straight from one pose to another."""
-    path = through_joints(law, start, end, PATH_S)
+    path = through_joints(law, start, end, share, np.zeros(3))
     return _pressed(name, law, limits, start, end, path)
 
 
@@ -189,8 +178,8 @@ def _beyond(
     """
     shoulder, wrist = (law.mechanism.frame_pose(end, link).translation for link in arm)
     out = wrist - shoulder
-    way = np.asarray(BEYOND * out / np.linalg.norm(out))
-    path = stretched(law, start, end, way, PATH_S)
+    beyond = np.asarray(BEYOND * out / np.linalg.norm(out))
+    path = through_joints(law, start, end, there_and_back, beyond)
     return _pressed(name, law, limits, start, start, path)
 
 

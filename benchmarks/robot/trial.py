@@ -4,8 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -90,8 +89,7 @@ class Stage:
         self.path = [task.path(PERIOD * tick) for tick in range(ticks)]
         places = np.array([target.pose.translation for target in self.path])
         end = self.path[-1].pose.translation
-        beyond = float((places @ task.into).max() - end @ task.into)
-        self.gap = beyond + GAP
+        self.gap = float((places @ task.into).max() - end @ task.into) + GAP
         self.wall = Wall(end + (self.gap + RADIUS) * task.into, -task.into)
         self._around = Around(self.wall, RADIUS, unmodelled or Unmodelled())
 
@@ -120,10 +118,9 @@ class Stage:
             most: mm; a trial whose error is larger ends early, with infinity.
         """
         try:
-            lengths = self._trial(setting).follow(most)
+            return 1e3 * _rms(self._trial(setting).follow(most))
         except HapticMechError:
             return float("inf")
-        return _rms_mm(lengths)
 
     def _trial(self, setting: Setting) -> _Trial:
         return _Trial(self, setting.make(self.mechanism, "", self.task.limits), setting.observer)
@@ -160,19 +157,17 @@ class _Trial:
         """Return what is measured; see :meth:`follow`."""
         task = self.stage.task
         lengths = self.follow(most)
-        rate, drift = max(self.rates), None
-        if task.returns:
-            drift = float(np.abs(self.robot.q - task.start).max())
+        rate, drift = max(self.rates), float(np.abs(self.robot.q - task.start).max())
         forces, slide, peak = self._press()
         return Measured(
-            path_rms_mm=_rms_mm(lengths),
+            path_rms_mm=1e3 * _rms(lengths),
             path_max_mm=1e3 * float(lengths.max()),
-            force_rms_n=float(np.sqrt(np.mean((forces - FORCE) ** 2))),
+            force_rms_n=_rms(forces - FORCE),
             force_peak_n=peak,
-            slide_rms_mm=1e3 * float(np.sqrt(np.mean(slide**2))),
+            slide_rms_mm=1e3 * _rms(slide),
             peak_torque=self.peak,
             torque_rate=1e-3 * rate,
-            drift=drift,
+            drift=drift if task.returns else None,
             saturated=self.saturated,
         )
 
@@ -199,8 +194,7 @@ class _Trial:
         self.rates.append(float(np.abs(limited.torque - self.torque).max()) / PERIOD)
         self.saturated += limited.saturated
         self.torque = limited.torque
-        share = np.abs(limited.torque) / self.stage.task.limits
-        self.peak = max(self.peak, float(share.max()))
+        self.peak = max(self.peak, float((np.abs(self.torque) / self.stage.task.limits).max()))
         return self.error
 
     def _press(self) -> tuple[Array, Array, float]:
@@ -220,12 +214,12 @@ class _Trial:
         force = ForceTask(task.into, FORCE)
         forces, errors = [], []
         along = straight(found, SLIDE * task.along, SLIDE_S)
-        for at, counts in _press_times():
-            moved = along(at)
-            self.tick(Target(moved.pose, moved.twist, moved.acceleration, force))
+        for tick in range(-round(SETTLE_S / PERIOD), round(SLIDE_S / PERIOD)):
+            # At rest before it begins.
+            self.tick(replace(along(PERIOD * tick), force=force))
             pushed = self._pushed()
             peak = max(peak, pushed)
-            if counts:
+            if tick >= 0:
                 forces.append(pushed)
                 sideways = self.error[:3] - (task.into @ self.error[:3]) * task.into
                 errors.append(float(np.linalg.norm(sideways)))
@@ -236,14 +230,6 @@ class _Trial:
         return -float(self.stage.task.into @ self.contact[:3])
 
 
-def _press_times() -> Iterator[tuple[float, bool]]:
-    """Yield times of the motion along the wall, s, and whether it is under way."""
-    for _ in range(round(SETTLE_S / PERIOD)):
-        yield 0.0, False
-    for tick in range(round(SLIDE_S / PERIOD)):
-        yield PERIOD * tick, True
-
-
-def _rms_mm(lengths: Array) -> float:
-    """Return the root of the mean square of lengths in m, mm."""
-    return 1e3 * float(np.sqrt(np.mean(lengths**2)))
+def _rms(values: Array) -> float:
+    """Return the root of the mean square."""
+    return float(np.sqrt(np.mean(values**2)))

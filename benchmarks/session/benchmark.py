@@ -107,8 +107,12 @@ class SessionResults(MachineResults):
             )
             for cost in self.costs
         )
-        caption = "mj_step moves the mechanism alone, by MuJoCo's implicitfast rule"
-        yield Sheet("a tick of the session, µs", ("scene", *numbers), rows, caption=caption)
+        yield Sheet(
+            "a tick of the session, µs",
+            ("scene", *numbers),
+            rows,
+            caption="mj_step moves the mechanism alone, by MuJoCo's implicitfast rule",
+        )
         yield goal_sheet(self.goals)
 
 
@@ -119,7 +123,7 @@ def tick_cost(scene: Scene, rounds: int) -> TickCost:
         HapticMechError: ticks and a run of them differ.
     """
     check_agreement(scene)
-    ticked, running, parted = Session(scene), Session(scene), Loop(scene)
+    ticked, running = Session(scene), Session(scene)
     into = np.zeros((TICKS, running.layout.size))
     callers: dict[str, Callable[[], object]] = {
         "tick": lambda: _ticks(ticked),
@@ -129,9 +133,7 @@ def tick_cost(scene: Scene, rounds: int) -> TickCost:
     with suppress(ImportError, HapticMechError):
         callers["mj_step"] = stepping(*at_start(MujocoScene(scene), scene), TICKS)
     times = {name: 1e6 * taken / TICKS for name, taken in cpu_times(callers, rounds).items()}
-    parts = np.zeros((rounds * TICKS, len(PARTS)))
-    for row in parts:
-        parted.timed_tick(row)
+    parts = Loop(scene).timed(rounds * TICKS)
     medians = {name: float(np.median(taken)) for name, taken in times.items()}
     return TickCost(
         scene.name,
@@ -180,5 +182,5 @@ def session(
     json_only: JsonOption = False,
 ) -> None:
     """What a tick of a session costs: alone, in a run, part by part, and beside MuJoCo's step."""
-    names = scenes if scenes else sorted(shipped_scenes())
+    names = scenes or sorted(shipped_scenes())
     carry_out(lambda show: run_session(names, rounds, show), out, json_only)

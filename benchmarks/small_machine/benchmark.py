@@ -9,7 +9,7 @@ import os
 import signal
 import statistics
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
@@ -20,7 +20,14 @@ import typer
 from benchmarks.children import BenchError, busy_programs
 from benchmarks.machine import MachineResults, machine
 from benchmarks.small_machine.cpu_group import NoGroupError, cpu_group, places
-from benchmarks.small_machine.demo_run import SCENE, DemoRun, demo_command, watch_demo
+from benchmarks.small_machine.demo_run import (
+    LOST,
+    NOMINAL,
+    SCENE,
+    DemoRun,
+    demo_command,
+    watch_demo,
+)
 from benchmarks.small_machine.reader import Within, read_beside
 from benchmarks.words import refuse_unknown
 from hapticmech_ros.analysis.study import NOTHING, Sheet, Show, judged, number, silent
@@ -30,6 +37,14 @@ from hapticmech_ros.compilation.library import compile_ahead
 from hapticmech_ros.graph.processes import RATES
 
 PROCESSORS, BUSY, CORES = 2, 2, 1.2
+# Figures of a summary about the graph, and how they are shown.
+SHOWN = {
+    "measured_rate_hz": ".1f",
+    "missed_deadlines": ".0f",
+    "loop_latency_p50_us": ".0f",
+    "loop_latency_p99_us": ".0f",
+    LOST: ".0f",
+}
 LOADS = ("alone", "busy", "quota")
 # Beside a graph and nothing else, an ordinary program has read a message so many s after its start.
 READS_WITHIN_S = 1.0
@@ -101,28 +116,23 @@ class Loaded:
         """Return a line of the table, medians of those runs that have figures."""
         if self.skipped:
             return words, "skipped", *[NOTHING] * 9
-        good = sum(run.passed for run in self.runs)
         seconds = [run.seconds for run in self.runs]
         return (
             words,
-            judged(f"{good} of {len(self.runs)}", self.passed),
+            judged(f"{sum(run.passed for run in self.runs)} of {len(self.runs)}", self.passed),
             self._rates() or NOTHING,
             f"{statistics.median(seconds):.1f}",
             f"{max(seconds):.1f}",
-            number(self._median("measured_hz"), ".1f"),
-            number(self._median("missed"), ".0f"),
-            number(self._median("p50_us"), ".0f"),
-            number(self._median("p99_us"), ".0f"),
-            number(self._median("lost"), ".0f"),
+            *(number(self._median(name), style) for name, style in SHOWN.items()),
             self._reads(),
         )
 
     def _rates(self) -> str:
         """Return the rates, and how many runs advanced by messages instead."""
-        rates = sorted({run.rate_hz for run in self.runs if run.rate_hz is not None}, reverse=True)
-        without = sum(run.rate_hz is None for run in self.runs if run.passed)
+        rates = {rate for run in self.runs if (rate := run.figure(NOMINAL)) is not None}
+        without = sum(run.figure(NOMINAL) is None for run in self.runs if run.passed)
         lockstep = [f"{without} in lockstep"] if without else []
-        return ", ".join([*(f"{rate:g}" for rate in rates), *lockstep])
+        return ", ".join([*(f"{rate:g}" for rate in sorted(rates, reverse=True)), *lockstep])
 
     def _reads(self) -> str:
         if not self.reads_s:
@@ -131,7 +141,7 @@ class Loaded:
         return judged(told, self.read_in_time) if self.load == "alone" else told
 
     def _median(self, name: str) -> float | None:
-        values = [value for run in self.runs if (value := getattr(run, name)) is not None]
+        values = [value for run in self.runs if (value := run.figure(name)) is not None]
         return statistics.median(values) if values else None
 
 
@@ -232,7 +242,7 @@ def _under(load: str, settings: Settings, out: Path, show: Show) -> Loaded:
                 runs.append(watch_demo(command, folder, settings.limit_s))
                 if not runs[-1].passed:
                     show(f"  did not pass: {'; '.join(runs[-1].failures)}")
-            rates = [run.rate_hz for run in runs if run.rate_hz is not None]
+            rates = [rate for run in runs if (rate := run.figure(NOMINAL)) is not None]
             if settings.readers:
                 rate_hz = rates[-1] if rates else min(RATES)
                 show(f"{settings.words(load)}: {settings.readers} programs beside a graph")
@@ -260,8 +270,7 @@ def _loaded(load: str, cores: float) -> Iterator[Within]:
         with cpu_group(cores, places()) as group:
             yield group.within
         return
-    beside: AbstractContextManager[None] = busy_programs(BUSY) if load == "busy" else nullcontext()
-    with beside:
+    with busy_programs(BUSY if load == "busy" else 0):
         yield list
 
 

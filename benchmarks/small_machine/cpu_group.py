@@ -101,16 +101,18 @@ def _made(cores: float, places: Sequence[Path]) -> CpuGroup:
         except OSError as error:
             reasons.append(f"{place}: {error.strerror}")
             continue
+        group = CpuGroup(folder)
         try:
             _limit(folder, cores)
-            _check(CpuGroup(folder))
+            if subprocess.run(group.within(["true"]), check=False, capture_output=True).returncode:
+                raise NoGroupError("no process may enter a group there")
         except BaseException as error:
             _remove(folder)
             if not isinstance(error, OSError | NoGroupError):
                 raise
             reasons.append(f"{place}: {getattr(error, 'strerror', None) or error}")
         else:
-            return CpuGroup(folder)
+            return group
     why = "; ".join(reasons) or "no control group of processor time is mounted"
     raise NoGroupError(f"this user cannot make a group with a quota of processor time ({why})")
 
@@ -124,12 +126,6 @@ def _limit(folder: Path, cores: float) -> None:
         (folder / "cpu.cfs_quota_us").write_text(f"{quota}", encoding="ascii")
     else:
         raise NoGroupError("groups have no quota there")
-
-
-def _check(group: CpuGroup) -> None:
-    run = subprocess.run(group.within(["true"]), check=False, capture_output=True, text=True)
-    if run.returncode != 0:
-        raise NoGroupError("no process may enter a group there")
 
 
 def _remove_left_behind(place: Path) -> None:

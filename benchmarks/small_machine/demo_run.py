@@ -11,7 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,8 @@ from hapticmech_ros.graph.processes import start_process, stop_process
 SCENE = "five_bar"
 FIGURES = ("fig5a.png", "fig5b.png", "fig5c.png")
 SUMMARY, LOG = "summary.json", "output.log"
+# Of a summary: rate at which the graph was to run, Hz, and messages that the recorder has lost.
+NOMINAL, LOST = "nominal_rate_hz", "recorder_lost"
 # What a run of the graph is held to, as the project promises: its path to the session's; the median
 # of the constraint force over what is expected, since of eighty samples one that lies beside the
 # change of count, or rings after a late command, is as much as is allowed; and that change.
@@ -38,22 +40,17 @@ class DemoRun:
         seconds: from the start of the command to its end.
         failures: why it did not pass; none if it did.
         last_line: of what the command printed.
-        rate_hz: at which the graph was to run; None where it advanced in lockstep.
-        measured_hz: at which the device has run.
-        missed: deadlines of all nodes.
-        p50_us, p99_us: of the time from a sample to its answer.
-        lost: messages that the recorder has lost.
+        graph: figures of the summary about the graph, by their names there.
     """
 
     seconds: float
     failures: tuple[str, ...]
     last_line: str
-    rate_hz: float | None = None
-    measured_hz: float | None = None
-    missed: float | None = None
-    p50_us: float | None = None
-    p99_us: float | None = None
-    lost: float | None = None
+    graph: Mapping[str, Any] = field(default_factory=dict)
+
+    def figure(self, name: str) -> float | None:
+        """Return a figure about the graph; of one that advanced in lockstep only what was lost."""
+        return None if self.graph.get("lockstep") and name != LOST else self.graph.get(name)
 
     @property
     def passed(self) -> bool:
@@ -82,8 +79,7 @@ def hapticmech() -> str:
         BenchError: it is not installed.
     """
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
-    command = shutil.which("hapticmech", path=path)
-    if command is None:
+    if (command := shutil.which("hapticmech", path=path)) is None:
         raise BenchError("hapticmech is not installed: make .venv/package")
     return command
 
@@ -105,8 +101,7 @@ def watch_demo(command: Sequence[str], out: Path, limit_s: float) -> DemoRun:
         process = start_process(command, os.environ)
     failures: list[str] = []
     try:
-        code = process.wait(limit_s)
-        if code != 0:
+        if code := process.wait(limit_s):
             failures.append(f"exit code {code}" if code > 0 else f"ended by signal {-code}")
     except subprocess.TimeoutExpired:
         failures.append(f"not done within {limit_s:g} s")
@@ -124,7 +119,7 @@ def watch_demo(command: Sequence[str], out: Path, limit_s: float) -> DemoRun:
     failures += faults(summary)
     if not failures:
         shutil.rmtree(out / "bag")
-    return DemoRun(seconds, tuple(failures), last, **_figures(summary["graph"]))
+    return DemoRun(seconds, tuple(failures), last, summary["graph"])
 
 
 def faults(summary: Mapping[str, Any]) -> Iterator[str]:
@@ -133,29 +128,14 @@ def faults(summary: Mapping[str, Any]) -> Iterator[str]:
     changes = [(change["from"], change["to"]) for change in constraints["changes"]]
     if changes != CHANGES:
         yield f"joint constraints change as {changes}, not {CHANGES}"
-    elif not agreement["count_change_difference_max_s"] < CHANGE_S:
-        late = agreement["count_change_difference_max_s"]
+    elif not (late := agreement["count_change_difference_max_s"]) < CHANGE_S:
         yield f"the joint constraint is felt {late:.3f} s off the session's"
     for held in constraints["while_held"]:
         gain = held["force_gain_median"]
         if gain is None or not abs(gain - 1.0) <= FORCE_GAIN:
-            seen = number(gain, ".3f")
-            yield f"force with {held['count']} constraints: {seen} × the expected one"
+            seen = f"{number(gain, '.3f')} × the expected one"
+            yield f"force with {held['count']} constraints: {seen}"
     for body in ("device", "point"):
         for unit, most in (("mm", POSITION_MM), ("deg", ROTATION_DEG)):
-            apart = agreement[f"{body}_deviation_max_{unit}"]
-            if not apart < most:
+            if not (apart := agreement[f"{body}_deviation_max_{unit}"]) < most:
                 yield f"{body}: {apart:.2g} {unit} {APART}"
-
-
-def _figures(graph: Mapping[str, Any]) -> dict[str, float | None]:
-    if graph.get("lockstep"):
-        return {"lost": graph.get("recorder_lost")}
-    return {
-        "rate_hz": graph.get("nominal_rate_hz"),
-        "measured_hz": graph["measured_rate_hz"],
-        "missed": graph["missed_deadlines"],
-        "p50_us": graph["loop_latency_p50_us"],
-        "p99_us": graph["loop_latency_p99_us"],
-        "lost": graph.get("recorder_lost"),
-    }

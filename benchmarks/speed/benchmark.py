@@ -161,12 +161,10 @@ def run_speed(plan: Plan, show: Show = silent) -> SpeedResults:
             results += race(problem, plan.peers, of_problem, plan.effort, show)
     if plan.smoke:
         return SpeedResults(_about(), plan.absent, tuple(checks), problems=plan.problems)
-    grown: tuple[Growth, ...] = ()
-    ticks: tuple[TickTime, ...] = ()
+    effort, grown, ticks = plan.effort, tuple[Growth, ...](), tuple[TickTime, ...]()
     if plan.all_scenes:
-        few = 2 if plan.effort.quick else None
+        few = 2 if effort.quick else None
         sizes = {family: numbers[:few] for family, numbers in SIZES.items()}
-        effort = plan.effort
         grown, more = growth(plan.peers, sizes, effort.repeats, effort.budget_s, show)
         checks += more
         show("ticks")

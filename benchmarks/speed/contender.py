@@ -9,8 +9,11 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import NamedTuple, Protocol
 
+import numpy as np
+
 from benchmarks.accuracy.cases import Output
 from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.mechanism.model import TreeModel
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.simulation import Simulator
@@ -107,6 +110,14 @@ def initial_state(scene: Scene) -> State:
     """
     state = Simulator(scene).initial_state()
     return State(state.q, state.v)
+
+
+def joint_efforts(tree: TreeModel) -> Array:
+    """Return (nv,) constant efforts in the joints of a tree, N m or N."""
+    efforts = np.zeros(tree.pinocchio.nv)
+    for index, joint in enumerate(tree.joints):
+        efforts[tree.velocity_slice(index)] = joint.effort
+    return efforts
 
 
 def refuse_what_no_peer_has(scene: Scene, peer: str) -> None:

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 
 from benchmarks.speed.contender import Method, Peer, Setting, State, initial_state
 from benchmarks.speed.problems import Problem
@@ -27,7 +28,8 @@ class Check:
 
     Attributes:
         problem, peer, method: names.
-        coarse, fine: errors at two steps, m or rad, at the first time of comparison.
+        coarse, fine: errors at two steps, m or rad, at the first time of comparison; infinite
+            after a failure.
         bound: of ``fine``, m or rad.
         reason: why it does not pass; empty if it does.
         suitable: whether it could run the scene at all.
@@ -36,8 +38,8 @@ class Check:
     problem: str
     peer: str
     method: str
-    coarse: float | None = None
-    fine: float | None = None
+    coarse: float = inf
+    fine: float = inf
     bound: float = 0.0
     reason: str = ""
     suitable: bool = True
@@ -59,31 +61,20 @@ def check(problem: Problem, peer: Peer, method: Method) -> Check:
         found.append(_check(short, start, peer, method, setting))
         if found[-1].passed or not found[-1].suitable:
             break
-    return min(found, key=lambda one: (not one.passed, one.fine is None, one.fine or 0.0))
+    return min(found, key=lambda one: (not one.passed, one.fine))
 
 
 def _check(problem: Problem, start: State, peer: Peer, method: Method, setting: Setting) -> Check:
-    about = (problem.name, peer.name, method.name)
-    bound = bound_of(peer.name, method)
-    errors: list[float] = []
-    for multiple in next(steps for order, steps in STEPS.items() if method.order >= order):
-        step = multiple * problem.unit
-        result, _ = run_once(problem, start, peer, method, step, setting)
-        if result.error is None:
-            known = errors[0] if errors else None
-            return Check(*about, known, None, bound, result.failure, result.suitable)
-        errors.append(result.error)
-    coarse, fine = errors
-    reason = ""
-    if fine > bound:
+    of_peer = HARD_BOUNDS.get(peer.name, SOFT_BOUND)
+    bound = LOW_ORDER_BOUND if method.order <= LOW_ORDER else of_peer
+    steps = next(steps for order, steps in STEPS.items() if method.order >= order)
+    one, other = (
+        run_once(problem, start, peer, method, multiple * problem.unit, setting)[0]
+        for multiple in steps
+    )
+    coarse, fine, reason = one.error, other.error, one.failure or other.failure
+    if not reason and fine > bound:
         reason = f"error {fine:.1e} above {bound:.0e}"
-    elif fine > SMALL and fine > SHRINKS_TO * coarse:
+    elif not reason and fine > SMALL and fine > SHRINKS_TO * coarse:
         reason = f"error does not shrink with the step: {coarse:.1e}, then {fine:.1e}"
-    return Check(*about, coarse, fine, bound, reason)
-
-
-def bound_of(peer: str, method: Method) -> float:
-    """Return the error that a method must not exceed at the fine step, m or rad."""
-    if method.order <= LOW_ORDER:
-        return LOW_ORDER_BOUND
-    return HARD_BOUNDS.get(peer, SOFT_BOUND)
+    return Check(problem.name, peer.name, method.name, coarse, fine, bound, reason, one.suitable)

@@ -5,9 +5,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import astuple, dataclass
 from math import exp, log
+
+import numpy as np
 
 from benchmarks.speed.result import RunResult
 from benchmarks.work_precision import SMALLEST
@@ -52,7 +53,7 @@ def front(results: Sequence[RunResult], peer: str) -> tuple[Point, ...]:
     points = sorted(
         (result.median, max(result.error, SMALLEST))
         for result in results
-        if result.peer == peer and result.error is not None and result.median is not None
+        if result.peer == peer and not result.failure
     )
     kept: list[Point] = []
     for cpu, error in points:
@@ -69,13 +70,9 @@ def cost(points: Sequence[Point], target: float) -> float | None:
     """
     if not points or points[-1].error > target:
         return None
-    if points[0].error <= target:
-        return points[0].cpu_s_per_s
-    for coarse, fine in pairwise(points):
-        if fine.error <= target:
-            share = log(coarse.error / target) / log(coarse.error / fine.error)
-            return exp((1.0 - share) * log(coarse.cpu_s_per_s) + share * log(fine.cpu_s_per_s))
-    return None
+    errors, times = ([log(x) for x in of] for of in zip(*map(astuple, points), strict=True))
+    # Rising errors, as interpolation wants them: the most accurate run first.
+    return exp(np.interp(log(target), errors[::-1], times[::-1]))
 
 
 def ratios(results: Sequence[RunResult], own: str) -> tuple[Ratio, ...]:

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from benchmarks.goals import Verdict, at_most, unknown, verdict
 from benchmarks.speed.fronts import cost, front, ratios
@@ -37,9 +37,8 @@ def _tick(ticks: Sequence[TickTime]) -> Verdict:
     return at_most(goal, ratio, TICK_LIMIT, "{:.2f} x")
 
 
-def _races(results: Sequence[RunResult]) -> list[Verdict]:
+def _races(results: Sequence[RunResult]) -> Iterator[Verdict]:
     known = {(ratio.problem, ratio.target): ratio for ratio in ratios(results, OWN)}
-    found = []
     for name in RACES:
         for target in (*FACTOR_TARGETS, FINE_TARGET):
             fine = target == FINE_TARGET
@@ -47,16 +46,14 @@ def _races(results: Sequence[RunResult]) -> list[Verdict]:
             goal = f"{name} at {target:.0e}: {wanted}"
             ratio = known.get((name, target))
             if ratio is None or not _has_peers(results, name):
-                found.append(unknown(goal))
+                yield unknown(goal)
             elif ratio.ours is None:
-                found.append(verdict(goal, "not reached", False))
+                yield verdict(goal, "not reached", False)
             elif ratio.value is None:
-                found.append(verdict(goal, "no peer gets there", True))
+                yield verdict(goal, "no peer gets there", True)
             else:
                 seen = f"{ratio.value:.2f} x the time of {ratio.best_peer}"
-                limit = 1.0 if fine else 1.0 / FACTOR
-                found.append(verdict(goal, seen, ratio.value <= limit))
-    return found
+                yield verdict(goal, seen, ratio.value <= (1.0 if fine else 1.0 / FACTOR))
 
 
 def _large(results: Sequence[RunResult]) -> Verdict:
@@ -73,13 +70,11 @@ def _large(results: Sequence[RunResult]) -> Verdict:
     return verdict(goal, f"{ours:.3g} s/s, MuJoCo {theirs:.3g} s/s", ours < theirs)
 
 
-def _exponents(grown: Sequence[Growth]) -> list[Verdict]:
-    found = []
+def _exponents(grown: Sequence[Growth]) -> Iterator[Verdict]:
     for family, title in TITLES.items():
         goal = f"{title}: a step's time grows with N to {EXPONENT_LIMIT:g} at most"
         own = (one.exponent for one in grown if (one.family, one.peer) == (family, OWN))
-        found.append(at_most(goal, next(own, None), EXPONENT_LIMIT, "{:.2f}"))
-    return found
+        yield at_most(goal, next(own, None), EXPONENT_LIMIT, "{:.2f}")
 
 
 def _has_peers(results: Sequence[RunResult], problem: str) -> bool:

@@ -20,6 +20,7 @@ from benchmarks.speed.contender import (
     State,
     UnsuitableError,
     initial_state,
+    joint_efforts,
     refuse_what_no_peer_has,
 )
 from hapticmech_ros.mechanism.model import TreeModel, build_tree, se3
@@ -60,15 +61,9 @@ class _Mujoco:
         self._mujoco: Any = mujoco
         converted = MujocoScene(scene)
         spec, off = converted.spec, mujoco.mjtDisableBit
-        integrators = {
-            "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
-            "discrete": mujoco.mjtIntegrator.mjINT_DISCRETE,
-            "rk4": mujoco.mjtIntegrator.mjINT_RK4,
-        }
-        spec.option.integrator = integrators[method.name]
+        spec.option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{method.name.upper()}")
         spec.option.timestep, spec.option.tolerance = step, TOLERANCE
-        unwanted = (off.mjDSBL_REFSAFE, off.mjDSBL_ISLAND, off.mjDSBL_AUTORESET)
-        for bit in unwanted:
+        for bit in (off.mjDSBL_REFSAFE, off.mjDSBL_ISLAND, off.mjDSBL_AUTORESET):
             spec.option.disableflags |= int(bit)
         if setting.get(EXACT):
             spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_DIAGEXACT)
@@ -80,7 +75,7 @@ class _Mujoco:
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
         self._qpos, self._qvel = converted.state(start)
-        self._efforts = converted.efforts()
+        self._efforts = joint_efforts(converted.tree)
         self.restart()
 
     def restart(self) -> None:
@@ -209,13 +204,6 @@ class MujocoScene:
                     axes = pin.Quaternion(*turn[[3, 0, 1, 2]]).toRotationMatrix()
                     v[rate.start : rate.start + 3] = axes @ start.v[rate][:3]
         return q, v
-
-    def efforts(self) -> Array:
-        """Return (nv,) constant efforts in the joints, N m or N."""
-        efforts = np.zeros(self.tree.pinocchio.nv)
-        for index, joint in enumerate(self.tree.joints):
-            efforts[self.tree.velocity_slice(index)] = joint.effort
-        return efforts
 
     def _add_closure(self, closure: Closure) -> None:
         kinds, weld = self._mujoco.mjtEq, closure.kind == "weld"

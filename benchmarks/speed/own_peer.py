@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from benchmarks.speed.contender import Method, Peer, Reading, Setting, State
 from benchmarks.words import refuse_unknown
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Accuracy
-from hapticmech_ros.simulation import MechanismState, Simulator
+from hapticmech_ros.simulation import Simulator
 
 NAME = "hapticmech"
 # Order of each integrator, which says what steps are worth a run.
@@ -44,9 +45,7 @@ class _Own:
             scene.stepped(integrator=integrator, period=step, substeps=1, accuracy=accuracy)
         )
         first = self._simulator.initial_state()
-        self._first = MechanismState(
-            0.0, start.q.copy(), start.v.copy(), first.active, first.closure_error
-        )
+        self._first = replace(first, q=start.q.copy(), v=start.v.copy())
         self._state = self._first
         self._nothing = np.zeros((len(self._simulator.mechanism.point_names), 6))
 

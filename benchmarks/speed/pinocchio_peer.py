@@ -4,7 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -18,6 +19,7 @@ from benchmarks.speed.contender import (
     Setting,
     State,
     UnsuitableError,
+    joint_efforts,
     refuse_what_no_peer_has,
 )
 from hapticmech_ros.mechanism.model import TreeModel, build_tree, se3
@@ -62,8 +64,9 @@ class _Pinocchio:
             raise UnsuitableError(NAME, scene.name, f"no loop for {ARTICULATED}: as rk4")
         pull = setting.get(RATE, 0.0) + setting.get(GAIN, 0.0) / step
         iterations = ITERATIONS if algorithm == DELASSUS else ARTICULATED_ITERATIONS
-        solver = setting.get(MU, SOFTNESS), ACCURACY, iterations
-        self._dynamics = PinocchioDynamics(scene, pull, *solver, algorithm)
+        self._dynamics = PinocchioDynamics(
+            scene, pull, setting.get(MU, SOFTNESS), ACCURACY, iterations, algorithm
+        )
         self._start, self._step = start, step
         model = self._dynamics.model
         # Only then are coordinates numbers that add up.
@@ -195,16 +198,21 @@ class PinocchioDynamics:
             if closure.active:
                 self._add(scene.name, closure, pull)
         self._data = self.model.createData()
-        self._settings = pin.ProximalSettings(accuracy, softness, iterations)
-        self._solve = pin.constraintDynamics
+        settings = pin.ProximalSettings(accuracy, softness, iterations)
+        self._solve: Callable[..., Array] = pin.aba
+        # What it takes besides q, v and the force.
+        self._loops: tuple[Any, ...] = ()
         if len(self._constraints):
+            self._loops = self._constraints, self._constraint_data, settings
             loops = self.model, self._data, self._constraints
             if algorithm == ARTICULATED:
                 self._solve = pin.lcaba
                 pin.computeJointMinimalOrdering(*loops)
             else:
+                self._solve = pin.constraintDynamics
                 pin.initConstraintDynamics(*loops, self._constraint_data)
-        self._effort, self._stiffness, self._rest = self._joint_laws()
+        self._effort = joint_efforts(self.tree)
+        self._stiffness, self._rest = self._joint_springs()
         damping = self.tree.damping
         self._damping = damping if damping.any() else None
         self._passive = self._damping is not None or self._springs or self._stiffness is not None
@@ -212,20 +220,7 @@ class PinocchioDynamics:
     def acceleration(self, q: Array, v: Array) -> Array:
         """Return (nv,) v̇, valid until the next call."""
         force = self._force(q, v) if self._passive else self._effort
-        if len(self._constraints):
-            found: Array = self._solve(
-                self.model,
-                self._data,
-                q,
-                v,
-                force,
-                self._constraints,
-                self._constraint_data,
-                self._settings,
-            )
-            return found
-        free: Array = pin.aba(self.model, self._data, q, v, force)
-        return free
+        return self._solve(self.model, self._data, q, v, force, *self._loops)
 
     def read(self, q: Array, outputs: Sequence[Output]) -> Reading:
         """Return what outputs are at q, m or rad."""
@@ -257,26 +252,28 @@ class PinocchioDynamics:
             # Each call places the frame as well.
             rows = pin.computeFrameJacobian(model, data, q, frame_a, WORLD_AXES)[:3]
             rows = rows - pin.computeFrameJacobian(model, data, q, frame_b, WORLD_AXES)[:3]
-            place_a = pin.updateFramePlacement(model, data, frame_a).translation
             place_b = pin.updateFramePlacement(model, data, frame_b).translation
-            gap = place_a - place_b
+            gap = pin.updateFramePlacement(model, data, frame_a).translation - place_b
             length = float(np.sqrt(gap @ gap))
             along = (gap / length) @ rows
             pull = spring.stiffness * (length - spring.rest_length)
             force -= (pull + spring.damping * float(along @ v)) * along
 
-    def _joint_laws(self) -> tuple[Array, tuple[Array, Array, Array] | None, Array]:
-        """Return efforts (nv,), and of joints with springs: places, stiffness, rest positions."""
-        effort = np.zeros(self.model.nv)
-        sprung: list[tuple[float, ...]] = []
-        for index, joint in enumerate(self.tree.joints):
-            at, rate = self.tree.position_slice(index), self.tree.velocity_slice(index)
-            effort[rate] = joint.effort
-            if joint.stiffness:
-                sprung.append((at.start, rate.start, joint.stiffness, joint.rest))
+    def _joint_springs(self) -> tuple[tuple[Array, Array, Array] | None, Array]:
+        """Return of joints with springs places, rates' places and stiffness; and rest positions."""
+        tree = self.tree
+        sprung = [
+            (
+                tree.position_slice(k).start,
+                tree.velocity_slice(k).start,
+                joint.stiffness,
+                joint.rest,
+            )
+            for k, joint in enumerate(tree.joints)
+            if joint.stiffness
+        ]
         places, rates, stiffness, rest = np.array(sprung).reshape(-1, 4).T
-        laws = (places.astype(int), rates.astype(int), stiffness) if sprung else None
-        return effort, laws, rest
+        return (places.astype(int), rates.astype(int), stiffness) if sprung else None, rest
 
     def _add(self, scene: str, closure: Closure, pull: float) -> None:
         if closure.kind == "rod":

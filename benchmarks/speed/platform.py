@@ -45,7 +45,18 @@ def stewart_platform(legs: int = LEGS) -> Scene:
 def _document(name: str, legs: int) -> dict[str, Any]:
     feet = _ring(legs, BASE_RADIUS, BASE_HALF_ANGLE, 0.0)
     heads = _ring(legs, TOP_RADIUS, TOP_HALF_ANGLE, HEIGHT)
-    links: list[dict[str, Any]] = [_platform()]
+    disc = 0.25 * PLATFORM_MASS * TOP_RADIUS**2
+    links: list[dict[str, Any]] = [
+        {
+            "name": "platform",
+            "joint": {"name": "platform", "type": "free"},
+            "inertial": {
+                "mass": PLATFORM_MASS,
+                "com": [0.0, 0.0, 0.02],
+                "inertia": {"ixx": disc, "iyy": disc, "izz": 2.0 * disc},
+            },
+        }
+    ]
     closures, q = [], {"platform": [0.0, 0.0, HEIGHT, 0.0, 0.0, 0.0, 1.0]}
     for leg, (foot, head) in enumerate(zip(feet, heads, strict=True)):
         along = head - foot
@@ -54,7 +65,15 @@ def _document(name: str, legs: int) -> dict[str, Any]:
         swing = float(np.arcsin(along[0] / length))
         tilt = float(np.arctan2(-along[1], along[2]))
         links += _leg(leg, foot, length, 1.0 / legs)
-        closures.append(_ball(leg, head - np.array([0.0, 0.0, HEIGHT])))
+        on_platform = {"xyz": [head[0], head[1], 0.0]}
+        closures.append(
+            {
+                "name": f"ball{leg}",
+                "kind": "spherical",
+                "a": {"link": f"upper{leg}"},
+                "b": {"link": "platform", "origin": on_platform},
+            }
+        )
         q |= {f"tilt{leg}": [tilt], f"swing{leg}": [swing], f"slide{leg}": [length]}
     return {
         "format": "hapticmech-scene/1",
@@ -80,19 +99,6 @@ def _ring(legs: int, radius: float, half_angle: float, height: float) -> list[Ar
     angles = [a * apart + s * half_angle * closer for a in range(legs // 2) for s in (-1.0, 1.0)]
     turns = [radians(angle) for angle in angles]
     return [np.array([radius * cos(t), radius * sin(t), height]) for t in turns]
-
-
-def _platform() -> dict[str, Any]:
-    disc = 0.25 * PLATFORM_MASS * TOP_RADIUS**2
-    return {
-        "name": "platform",
-        "joint": {"name": "platform", "type": "free"},
-        "inertial": {
-            "mass": PLATFORM_MASS,
-            "com": [0.0, 0.0, 0.02],
-            "inertia": {"ixx": disc, "iyy": disc, "izz": 2.0 * disc},
-        },
-    }
 
 
 def _leg(leg: int, foot: Array, length: float, share: float) -> list[dict[str, Any]]:
@@ -136,12 +142,3 @@ def _rod(mass: float, centre: float) -> dict[str, Any]:
     across = mass * (PART_LENGTH**2 / 12.0 + ROD_RADIUS**2 / 4.0)
     moments = {"ixx": across, "iyy": across, "izz": 0.5 * mass * ROD_RADIUS**2}
     return {"mass": mass, "com": [0.0, 0.0, centre], "inertia": moments}
-
-
-def _ball(leg: int, head: Array) -> dict[str, Any]:
-    return {
-        "name": f"ball{leg}",
-        "kind": "spherical",
-        "a": {"link": f"upper{leg}"},
-        "b": {"link": "platform", "origin": {"xyz": head.tolist()}},
-    }

@@ -68,11 +68,6 @@ class Problem:
             for name, own in zip(self.compared, values, strict=True)
         )
 
-    @property
-    def length_unit(self) -> str:
-        """Of errors: m or rad."""
-        return "m" if self.kind == "point" else "rad"
-
     def shortened(self) -> Problem:
         """Return the problem up to the first time of comparison."""
         return replace(self, times=self.times[:1], values=tuple(one[:1] for one in self.values))
@@ -205,9 +200,7 @@ def problems(names: Sequence[str] = ()) -> tuple[Problem, ...]:
         entry["name"]: entry for entry in json.loads(PATH.read_text(encoding="utf-8"))["cases"]
     }
     found = []
-    for asked in ASKED:
-        if names and asked.name not in names:
-            continue
+    for asked in (one for one in ASKED if not names or one.name in names):
         entry = stored.get(asked.name)
         if entry is None or tuple(entry["times"]) != asked.times:
             raise InvalidInputError("reference.json", asked.name, "must hold it: compute it anew")

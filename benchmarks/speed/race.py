@@ -8,17 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from benchmarks.accuracy.cases import divides
-from benchmarks.speed.contender import (
-    Contender,
-    Method,
-    Peer,
-    Setting,
-    State,
-    initial_state,
-)
+from benchmarks.speed.contender import Contender, Method, Peer, State, initial_state
 from benchmarks.speed.equality import Check
 from benchmarks.speed.problems import Problem
-from benchmarks.speed.result import RunResult, run_once, timed
+from benchmarks.speed.result import RunResult, run_once, timed_in_turn
 from hapticmech_ros.analysis.study import Show, silent
 
 # Steps in units of a problem, coarse to fine, from this order on; those that do not divide a time
@@ -113,68 +106,44 @@ def _compare(
     step_s = 0.0
     for multiple in multiples_of(problem, method, effort.quick):
         step = multiple * problem.unit
-        expected_s = step_s * problem.times[-1] / step
-        if expected_s > (LARGE_SHARE if problem.large else 1.0) * effort.limit_s:
+        limit_s = (LARGE_SHARE if problem.large else 1.0) * effort.limit_s
+        if step_s * problem.times[-1] / step > limit_s:
             break
         tried = [run_once(problem, start, peer, method, step, setting) for setting in settings]
-        tried.sort(key=lambda one: float("inf") if one[0].error is None else one[0].error)
-        best = tried[0]
-        found.append(best)
-        if best[0].median is not None:
-            step_s = best[0].median * step
-        settings = _still_worth_a_try([result for result, _ in tried], settings)
+        tried.sort(key=lambda one: one[0].error)
+        found.append(tried[0])
+        best = tried[0][0]
+        if not best.failure:
+            step_s = best.median * step
+        # All as long as none was good.
+        if best.error <= NOT_LOST:
+            ranked = [result for result, _ in tried[:KEPT_SETTINGS]]
+            settings = tuple(one.setting for one in ranked if one.error <= WORSE * best.error)
     return found
-
-
-def _still_worth_a_try(
-    ranked: Sequence[RunResult], settings: Sequence[Setting]
-) -> tuple[Setting, ...]:
-    """Return the settings for the next step; all as long as none was good."""
-    least = ranked[0].error
-    if least is None or least > NOT_LOST:
-        return tuple(settings)
-    return tuple(
-        result.setting
-        for result in ranked[:KEPT_SETTINGS]
-        if result.error is not None and result.error <= WORSE * least
-    )
 
 
 def _time(
     problem: Problem, found: Sequence[tuple[RunResult, Contender | None]], effort: Effort
 ) -> tuple[RunResult, ...]:
     results = [result for result, _ in found]
-    worth = [
-        index
-        for index, (result, contender) in enumerate(found)
-        if contender is not None and not _dominated(result, results)
-    ]
+    racers = {}
     # Peers in turn: sorted by step, neighbours are of different peers.
-    worth.sort(key=lambda index: (-results[index].step, results[index].peer))
-    times: dict[int, list[float]] = {index: [] for index in worth}
-    for _ in range(effort.repeats):
-        for index in worth:
-            result, contender = found[index]
-            if contender is None or result.median is None:
-                continue
+    for index in sorted(range(len(found)), key=lambda k: (-results[k].step, results[k].peer)):
+        result, contender = found[index]
+        if contender is not None and not _dominated(result, results):
             whole = round(problem.times[-1] / result.step)
-            cost_s = max(result.median * result.step, 1e-9)
-            steps = max(1, min(whole, round(effort.budget_s / cost_s)))
-            times[index].append(timed(contender, steps) / (steps * result.step))
-    for index, measured in times.items():
-        if measured:
-            results[index] = replace(results[index], cpu_s_per_s=tuple(measured), raced=True)
+            affordable = round(effort.budget_s / max(result.median * result.step, 1e-9))
+            racers[index] = contender, max(1, min(whole, affordable))
+    for index, times in timed_in_turn(racers, effort.repeats).items():
+        measured = tuple(time / results[index].step for time in times)
+        results[index] = replace(results[index], cpu_s_per_s=measured, raced=True)
     return tuple(results)
 
 
 def _dominated(result: RunResult, results: Sequence[RunResult]) -> bool:
     """Return whether the same peer has a run with less error in clearly less time."""
-    if result.error is None or result.median is None:
-        return True
     return any(
-        other.error is not None
-        and other.median is not None
-        and other.peer == result.peer
+        other.peer == result.peer
         and other.error <= result.error
         and other.median < DOMINATED * result.median
         for other in results

@@ -99,8 +99,7 @@ def _segment(
 
     def rates(_: float, y: Array) -> Array:
         theta, v = y[:size], y[size:]
-        q = pin.integrate(model, start.q, theta)
-        accel = dynamics.acceleration(q, v)
+        accel = dynamics.acceleration(pin.integrate(model, start.q, theta), v)
         return np.concatenate((local_rates(dynamics.tree, theta, v), accel))
 
     first = np.concatenate((np.zeros(size), start.v))
@@ -134,12 +133,12 @@ def write(names: Sequence[str] = (), path: Path = PATH) -> None:
         InvalidInputError: no such scene.
     """
     refuse_unknown("scene", names, [asked.name for asked in ASKED])
-    stored = {one["name"]: one for one in json.loads(path.read_text(encoding="utf-8"))["cases"]}
+    known = json.loads(path.read_text(encoding="utf-8"))["cases"]
+    stored: dict[str, dict[str, Any]] = {one["name"]: one for one in known}
 
     def entry(asked: Problem) -> dict[str, Any]:
         if names and asked.name not in names:
-            kept: dict[str, Any] = stored[asked.name]
-            return kept
+            return stored[asked.name]
         if asked.windows:
             ways = (parallelograms(asked.windows, asked.times, way[0]) for way in WAYS)
             values, apart = _agreed(asked.name, *ways)
@@ -148,8 +147,8 @@ def write(names: Sequence[str] = (), path: Path = PATH) -> None:
         per_output = [[list(reading[k]) for reading in values] for k in range(len(values[0]))]
         return {"name": asked.name, "times": asked.times, "values": per_output, "apart": apart}
 
-    document = {"command": COMMAND, "cases": [entry(asked) for asked in ASKED]}
-    path.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+    text = json.dumps({"command": COMMAND, "cases": [*map(entry, ASKED)]}, indent=1)
+    path.write_text(text + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

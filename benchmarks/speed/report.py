@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from math import isfinite
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -25,7 +26,6 @@ from hapticmech_ros.experiment.figure_style import BLUE, GREEN, GREY, VERMILION
 
 # Columns of words, which stand to the left.
 WORDS = ("peer", "method", "outcome", "closures")
-NOT_REACHED = "not reached"
 LOOKS = {
     "hapticmech": (BLUE, "o"),
     "mujoco": (VERMILION, "s"),
@@ -47,14 +47,12 @@ def sheets(
     goals: Sequence[Verdict],
 ) -> Iterator[Sheet]:
     """Yield the tables of what there is."""
-    if checks:
-        yield _equality(checks)
+    yield _equality(checks)
     if results:
         yield _costs(results)
         yield _runs(results)
-    if grown:
-        for sizes in dict.fromkeys(one.sizes for one in grown):
-            yield _growth([one for one in grown if one.sizes == sizes])
+    for sizes in dict.fromkeys(one.sizes for one in grown):
+        yield _growth([one for one in grown if one.sizes == sizes])
     if ticks:
         yield _ticks(ticks)
     if goals:
@@ -78,8 +76,12 @@ def _equality(checks: Sequence[Check]) -> Sheet:
         )
         for check in checks
     )
-    headings = ("scene", "peer", "method", "coarse", "fine", "bound", "outcome")
-    return Sheet("equality: error at two steps, m or rad", headings, rows, WORDS)
+    return Sheet(
+        "equality: error at two steps, m or rad",
+        ("scene", "peer", "method", "coarse", "fine", "bound", "outcome"),
+        rows,
+        WORDS,
+    )
 
 
 def _costs(results: Sequence[RunResult]) -> Sheet:
@@ -93,12 +95,14 @@ def _costs(results: Sequence[RunResult]) -> Sheet:
             ratio = known[name, target]
             value = "" if ratio.value is None else f"{ratio.value:.2f} ({ratio.best_peer})"
             rows.append((name, f"{target:.0e}", *cells, value))
-    title = "CPU time at equal error, ms per simulated second"
-    return Sheet(title, ("scene", "error", *peers, "ours / best peer"), tuple(rows))
+    return Sheet(
+        "CPU time at equal error, ms per simulated second",
+        ("scene", "error", *peers, "ours / best peer"),
+        tuple(rows),
+    )
 
 
 def _runs(results: Sequence[RunResult]) -> Sheet:
-    headings = ("scene", "peer", "method", "step", "error", "median", "p90", "max", "closures")
     rows = tuple(
         (
             result.problem,
@@ -112,7 +116,12 @@ def _runs(results: Sequence[RunResult]) -> Sheet:
         for result in results
         if result.raced
     )
-    return Sheet("runs that were timed: CPU time, ms per simulated second", headings, rows, WORDS)
+    return Sheet(
+        "runs that were timed: CPU time, ms per simulated second",
+        ("scene", "peer", "method", "step", "error", "median", "p90", "max", "closures"),
+        rows,
+        WORDS,
+    )
 
 
 def _growth(grown: Sequence[Growth]) -> Sheet:
@@ -139,19 +148,18 @@ def _ticks(ticks: Sequence[TickTime]) -> Sheet:
     return Sheet("a tick of the five-bar, CPU time, µs", ("call", "median", "p90", "max"), rows)
 
 
-def _scientific(value: float | None) -> str:
-    return "" if value is None else f"{value:.1e}"
+def _scientific(value: float) -> str:
+    return f"{value:.1e}" if isfinite(value) else ""
 
 
 def _milli(time: float | None) -> str:
-    return NOT_REACHED if time is None else f"{1e3 * time:.3g}"
+    return "not reached" if time is None else f"{1e3 * time:.3g}"
 
 
 def drawn(results: Sequence[RunResult], known: Sequence[Problem]) -> Figure:
     """Return a figure of the runs that have an error."""
     looks = {peer: LOOKS[peer] for peer in dict.fromkeys(result.peer for result in results)}
-    shown = {result.problem for result in results}
-    problems = [problem for problem in known if problem.name in shown]
+    problems = [one for one in known if any(result.problem == one.name for result in results)]
     titles = {problem.name: problem.title for problem in problems}
     figure, places = panels(titles, looks, CAPTION)
     for problem in problems:
@@ -161,19 +169,17 @@ def drawn(results: Sequence[RunResult], known: Sequence[Problem]) -> Figure:
             axes.axhline(target, color=GREY, linestyle=":", linewidth=1.0, zorder=1)
         for peer in dict.fromkeys(result.peer for result in members):
             _curve(axes, [result for result in members if result.peer == peer], *looks[peer])
-        finish(axes, problem.length_unit)
+        finish(axes, "m" if problem.kind == "point" else "rad")
     return figure
 
 
 def _curve(axes: Axes, members: Sequence[RunResult], colour: str, mark: str) -> None:
     """Draw all runs of a peer, pale, and the best ones joined by a line."""
     runs = [
-        (result.median, max(result.error, SMALLEST))
-        for result in members
-        if result.median is not None and result.error is not None
+        (result.median, max(result.error, SMALLEST)) for result in members if not result.failure
     ]
     if runs:
         axes.plot(*zip(*runs, strict=True), mark, color=colour, alpha=0.25, markersize=4)
     points = front(members, members[0].peer)
-    times = [point.cpu_s_per_s for point in points]
-    axes.plot(times, [point.error for point in points], "-", color=colour, marker=mark)
+    times, errors = [one.cpu_s_per_s for one in points], [one.error for one in points]
+    axes.plot(times, errors, "-", color=colour, marker=mark)

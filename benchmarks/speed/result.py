@@ -6,7 +6,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
+from math import inf
+from typing import TypeVar
 
 import numpy as np
 
@@ -21,6 +24,7 @@ from benchmarks.speed.contender import (
 from benchmarks.speed.problems import Problem
 from hapticmech_ros.errors import HapticMechError
 
+Key = TypeVar("Key")
 # What a run may fail by and still be a result.
 FAILURES = (
     HapticMechError,
@@ -40,7 +44,7 @@ class RunResult:
         problem, peer, method: names.
         step: s.
         setting: of the closures, that came closest.
-        error: largest against the reference, m or rad; None after a failure.
+        error: largest against the reference, m or rad; infinite after a failure, as are all times.
         failure: why there is no error; empty if there is.
         cpu_s_per_s: CPU time per simulated second, of each run.
         suitable: whether the peer can do the scene at all.
@@ -53,29 +57,29 @@ class RunResult:
     method: str
     step: float
     setting: Mapping[str, float] = field(default_factory=dict)
-    error: float | None = None
+    error: float = inf
     failure: str = ""
     cpu_s_per_s: tuple[float, ...] = ()
     suitable: bool = True
     raced: bool = False
 
     @property
-    def median(self) -> float | None:
+    def median(self) -> float:
         """Of the CPU times, s per simulated second."""
         return self._quantile(0.5)
 
     @property
-    def p90(self) -> float | None:
+    def p90(self) -> float:
         """Tail of the CPU times, s per simulated second."""
         return self._quantile(0.9)
 
     @property
-    def slowest(self) -> float | None:
+    def slowest(self) -> float:
         """Largest of the CPU times, s per simulated second."""
         return self._quantile(1.0)
 
-    def _quantile(self, share: float) -> float | None:
-        return float(np.quantile(self.cpu_s_per_s, share)) if self.cpu_s_per_s else None
+    def _quantile(self, share: float) -> float:
+        return float(np.quantile(self.cpu_s_per_s, share)) if self.cpu_s_per_s else inf
 
 
 def run_once(
@@ -124,3 +128,18 @@ def timed(contender: Contender, steps: int) -> float:
     begun = time.process_time()
     contender.advance(steps)
     return time.process_time() - begun
+
+
+def timed_in_turn(
+    racers: Mapping[Key, tuple[Contender, int]], repeats: int
+) -> dict[Key, list[float]]:
+    """Return the CPU times (s) of a step of contenders, each of so many steps, in turn.
+
+    A run that fails has no time, and a contender without a time is left out.
+    """
+    times = {key: list[float]() for key in racers}
+    for _ in range(repeats):
+        for key, (contender, steps) in racers.items():
+            with suppress(*FAILURES):
+                times[key].append(timed(contender, steps) / steps)
+    return {key: taken for key, taken in times.items() if taken}

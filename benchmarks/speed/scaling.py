@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -11,12 +12,12 @@ from typing import Any
 import numpy as np
 
 from benchmarks.accuracy.n_four_bar import n_four_bar
-from benchmarks.speed.contender import Contender, Method, Peer, initial_state
+from benchmarks.speed.contender import Method, Peer, initial_state
 from benchmarks.speed.equality import Check, check
 from benchmarks.speed.platform import stewart_platform
 from benchmarks.speed.problems import Problem
 from benchmarks.speed.reference import parallelograms, reference
-from benchmarks.speed.result import FAILURES, timed, warm_up
+from benchmarks.speed.result import timed, timed_in_turn, warm_up
 from hapticmech_ros.analysis.study import Show, silent
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene import Scene, scene_from_document
@@ -58,7 +59,7 @@ class Growth:
     def exponent(self) -> float | None:
         """Slope of log time over log size; None unless all sizes are known."""
         known = [cpu for cpu in self.cpu_s_per_step if cpu is not None]
-        if len(known) < len(self.sizes) or len(known) < 2:
+        if len(known) < max(len(self.sizes), 2):
             return None
         return float(np.polyfit(np.log(self.sizes), np.log(known), 1)[0])
 
@@ -94,7 +95,7 @@ def growth(
 ) -> tuple[tuple[Growth, ...], tuple[Check, ...]]:
     """Check every peer at every size, then time its steps in turn with the others'."""
     racers = [(p, m) for p in peers for m in p.methods if m.name in RULES]
-    found: dict[tuple[str, str, str], list[float | None]] = {}
+    found: dict[tuple[str, str, str], list[float | None]] = defaultdict(list)
     checks: list[Check] = []
     for family, numbers in sizes.items():
         for size in numbers:
@@ -105,8 +106,8 @@ def growth(
             fit = [one for one, verdict in zip(racers, seen, strict=True) if verdict.passed]
             times = _times(problem.scene, fit, repeats, budget_s)
             for peer, method in racers:
-                key = (family, peer.name, method.name)
-                found.setdefault(key, []).append(times.get((peer.name, method.name)))
+                time = times.get((peer.name, method.name))
+                found[family, peer.name, method.name].append(time)
     grown = tuple(Growth(*key, tuple(sizes[key[0]]), tuple(cpu)) for key, cpu in found.items())
     return grown, tuple(checks)
 
@@ -114,26 +115,16 @@ def growth(
 def _times(
     scene: Scene, racers: Sequence[tuple[Peer, Method]], repeats: int, budget_s: float
 ) -> dict[tuple[str, str], float]:
-    start, ready = initial_state(scene), []
+    start, ready = initial_state(scene), {}
     for peer, method in racers:
-        setting = method.settings_for(scene)[-1]
-        contender = peer.contender(scene, start, method, STEP, setting)
+        contender = peer.contender(scene, start, method, STEP, method.settings_for(scene)[-1])
         warm_up(contender)
-        steps = _steps_within(contender, budget_s)
-        ready.append(((peer.name, method.name), contender, steps, list[float]()))
-    for _ in range(repeats):
-        for _name, contender, steps, times in ready:
-            try:
-                times.append(timed(contender, steps) / steps)
-            except FAILURES:
-                continue
-    return {name: float(np.median(times)) for name, _, _, times in ready if times}
-
-
-def _steps_within(contender: Contender, budget_s: float) -> int:
-    # So few that no motion is lost, whatever the setting.
-    cost_s = max(timed(contender, 5) / 5, 1e-7)
-    return max(3, min(round(COMPARED / STEP), round(budget_s / cost_s)))
+        cost_s = max(timed(contender, 5) / 5, 1e-7)
+        # So few that no motion is lost, whatever the setting.
+        steps = max(3, min(round(COMPARED / STEP), round(budget_s / cost_s)))
+        ready[peer.name, method.name] = contender, steps
+    found = timed_in_turn(ready, repeats)
+    return {name: float(np.median(times)) for name, times in found.items()}
 
 
 def chain(links: int) -> Scene:

@@ -83,8 +83,9 @@ def check_agreement(scene: Scene, states: Sequence[MechanismState]) -> float:
     for state in states:
         terms = simulator.evaluate(state)
         jacobian = terms.points[analyser.index].jacobian[analyser.rows]
-        dense = oracle("closed_form").inverse_inertia
-        expected = dense(terms.inertia, terms.closure_jacobian, jacobian)
+        expected = oracle("closed_form").inverse_inertia(
+            terms.inertia, terms.closure_jacobian, jacobian
+        )
         scale = float(np.abs(expected).max())
         seen = analyser.observe(state.q, state.v, state.active).model
         both = analyser.analyse(terms).inverse_inertia, seen[_X].reshape(6, 6)

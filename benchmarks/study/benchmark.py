@@ -7,7 +7,7 @@ from __future__ import annotations
 import os
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,9 +49,9 @@ class StudyResults(MachineResults):
 
     scenes: int
     processes: int
-    alone: tuple[float, ...]
-    shared: tuple[float, ...]
-    cluster: tuple[float, ...]
+    alone: Sequence[float]
+    shared: Sequence[float]
+    cluster: Sequence[float]
     same: bool
 
     @property
@@ -111,26 +111,26 @@ def run_benchmark(scenes: int, rounds: int, processes: int, show: Show = silent)
     taken: dict[str, list[float]] = {"alone": [], "shared": [], "cluster": []}
     rows: list[Array] = []
 
-    def timed(way: str, workers: Workers) -> None:
-        with tempfile.TemporaryDirectory() as folder:
-            begun = time.perf_counter()
-            found = run_study(SCENE, design, MEASURES, folder=Path(folder), workers=workers)
-            taken[way].append(time.perf_counter() - begun)
-        rows.append(found.numbers)
-        show(f"{way}: {taken[way][-1]:.1f} s")
-
     ways: dict[str, Callable[[], AbstractContextManager[Workers]]] = {
         "alone": lambda: nullcontext(1),
         "shared": lambda: nullcontext(processes),
         "cluster": lambda: _own_cluster(processes),
     }
     for _ in range(rounds):
-        for way, workers in ways.items():
-            with workers() as given:
-                timed(way, given)
-    same = all(one.tobytes() == rows[0].tobytes() for one in rows)
-    times = {way: tuple(of) for way, of in taken.items()}
-    return StudyResults(machine(), scenes, processes, **times, same=same)
+        for way, given in ways.items():
+            with given() as workers, tempfile.TemporaryDirectory() as folder:
+                begun = time.perf_counter()
+                found = run_study(SCENE, design, MEASURES, folder=Path(folder), workers=workers)
+                taken[way].append(time.perf_counter() - begun)
+            rows.append(found.numbers)
+            show(f"{way}: {taken[way][-1]:.1f} s")
+    return StudyResults(
+        machine(),
+        scenes,
+        processes,
+        **taken,
+        same=all(one.tobytes() == rows[0].tobytes() for one in rows),
+    )
 
 
 @contextmanager

@@ -28,15 +28,16 @@ def plain(variant: Variant) -> ScenePlan:
 
 @pytest.mark.parametrize("variant", LADDER, ids=lambda variant: variant.name)
 def test_the_loop_that_is_timed_is_the_session(variant: Variant) -> None:
-    session, loop, taken = Session(variant.scene()), Loop(variant.scene()), np.zeros(len(PARTS))
+    session, loop = Session(variant.scene()), Loop(variant.scene())
     for _ in range(60):
         session.tick()
-        loop.timed_tick(taken)
+    taken = loop.timed(60)
     sample, loop_sample = session.tick(), loop.tick()
     assert sample.mechanism.q.tobytes() == loop_sample.mechanism.q.tobytes()
     assert sample.mechanism.v.tobytes() == loop_sample.mechanism.v.tobytes()
     assert sample.device.published.tobytes() == loop_sample.device.published.tobytes()
     assert (taken > 0.0).all()
+    assert taken.shape == (60, len(PARTS))
 
 
 def test_the_first_scene_has_nothing_that_can_be_left_out() -> None:

@@ -69,10 +69,10 @@ def test_ratios_are_against_the_best_of_the_others() -> None:
         result("pinocchio", 1e-7, 8.0),
     ]
     found = {ratio.target: ratio for ratio in ratios(results, "hapticmech")}
-    assert (found[1e-4].value, found[1e-4].best_peer) == (2.0, "mujoco")
-    assert (found[1e-6].value, found[1e-6].best_peer) == (0.25, "pinocchio")
+    assert (found[1e-4].value, found[1e-4].best_peer) == (pytest.approx(2.0), "mujoco")
+    assert (found[1e-6].value, found[1e-6].best_peer) == (pytest.approx(0.25), "pinocchio")
     assert found[1e-8].value is None
-    assert found[1e-8].ours == 2.0
+    assert found[1e-8].ours == pytest.approx(2.0)
 
 
 def test_goals_are_met_missed_or_not_measured() -> None:

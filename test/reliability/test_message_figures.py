@@ -53,7 +53,7 @@ def test_growth_by_16_bytes_of_each_message_breaks_the_limit(leak, kept):
     # One scene's share of a million.
     memory = kept_of_each(333_000, leak, start=5e7)
     assert memory.mebi == pytest.approx(leak * 0.75 * 333_000 / 2**20, rel=0.03, abs=1e-6)
-    found = worst_growth("messages", "somewhere", [kept_of_each(333_000, 0.0), memory], 333_000)
+    found = worst_growth("somewhere", [kept_of_each(333_000, 0.0), memory], 333_000)
     assert found.kept == kept
 
 
@@ -68,7 +68,7 @@ def test_a_stranger_on_free_topics_leaves_the_graph_rendering_up_to_its_limit():
         message = hostile.message(received[topic], b"", graph.now_ns)
         graph.put(topic, gentler(received[topic], message, *GENTLE))
         graph.tick()
-    figures = graph.seen.figures("messages", "here", True)
+    figures = graph.seen.figures("here", True)
     assert [one.name for one in figures if not one.kept] == []
     assert graph.seen.not_finite == 0
 
@@ -78,7 +78,7 @@ def test_force_beyond_its_limit_or_none_at_all_is_seen():
         seen = Outputs(load_scene("five_bar").device)
         for force in forces:
             seen.look_at(np.array([force, 0.0, 0.0, 0.0, 0.0, 0.0]))
-        found = seen.figures("messages", "here", renders)
+        found = seen.figures("here", renders)
         return [one.name.removeprefix("here: ") for one in found if not one.kept]
 
     assert figures(True, 0.0, 0.0, 20.0) == []

@@ -42,7 +42,7 @@ class Samples:
 
     def seen(self, fault: Fault) -> Seen:
         rows = [row for row in self.rows if row[0] in fault.topics]
-        return seen(np.array(rows, SAMPLE), fault, fault.offset_ns or 0)
+        return seen(np.array(rows, SAMPLE), fault)
 
 
 def test_a_device_that_lets_go_and_comes_back() -> None:
@@ -94,7 +94,7 @@ def test_force_after_a_pause_of_the_devices_process_is_told_apart() -> None:
         assert trial.paused is paused
         # One that is left out is a figure of its own, and all that are not keep the limit.
         gentle = replace(trial, peak=0.5, pause_s=0.0)
-        figures = {one.name: one for one in summarised("kills", "it", [trial, gentle], 0.5)}
+        figures = {one.name: one for one in summarised("it", [trial, gentle], 0.5)}
         largest = figures["it: largest force, of a clean run's"]
         left_out = figures["it: the same in trials left out"]
         assert largest.kept is paused
@@ -165,7 +165,7 @@ def test_only_the_topics_asked_for_count() -> None:
 
 
 def _kept(trials: Sequence[Trial]) -> dict[str, bool]:
-    found = summarised("part", "name", trials, 0.5)
+    found = summarised("name", trials, 0.5)
     return {figure.name.removeprefix("name: "): figure.kept for figure in found}
 
 
