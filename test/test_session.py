@@ -243,14 +243,15 @@ def test_a_loop_too_far_open_is_not_closed():
         session.switch_closure("ground_pin", closed=True)
 
 
-@pytest.mark.parametrize("delay", [-1, -3])
-def test_a_negative_delay_is_refused(delay):
-    with pytest.raises(InvalidInputError, match="command_delay"):
-        Session(load_scene("two_link"), command_delay=delay)
-
-
-def test_an_unknown_point_or_closure_is_refused():
-    with pytest.raises(InvalidInputError, match="operational point"):
-        Session(load_scene("two_link"), point="tip")
-    with pytest.raises(InvalidInputError, match="closure"):
-        Session(load_scene("five_bar")).switch_closure("loop", closed=True)
+@pytest.mark.parametrize(
+    ("begin", "rule"),
+    [
+        (lambda scene: Session(scene, point="tip"), "operational point"),
+        (lambda scene: Session(scene).switch_closure("loop", closed=True), "closure"),
+        (lambda scene: Session(scene, command_delay=-1), "command_delay"),
+        (lambda scene: Session(scene, command_delay=-3), "command_delay"),
+    ],
+)
+def test_unknown_points_and_closures_and_negative_delays_are_refused(begin, rule):
+    with pytest.raises(InvalidInputError, match=rule):
+        begin(load_scene("five_bar"))

@@ -8,10 +8,7 @@ import pytest
 from scipy.linalg import logm
 
 from hapticmech_ros.control.clutch import engage, pose_error
-
-
-def random_pose(rng):
-    return pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3))
+from oracles.controllers import random_pose
 
 
 @pytest.mark.parametrize("seed", range(5))

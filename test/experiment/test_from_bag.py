@@ -193,10 +193,14 @@ def test_refuses_messages_that_break_rules(make_bag, scene, topic, spoil, messag
         record_from_bag(make_bag(change=change), scene)
 
 
-def test_unknown_point_and_no_bag(scene, tmp_path):
-    with pytest.raises(InvalidInputError, match="operational point"):
-        record_from_bag(tmp_path, scene, point="nose")
-    with pytest.raises(BagError, match="no bag at"):
-        record_from_bag(tmp_path / "nowhere", scene)
-    with pytest.raises(BagError, match="cut short"):
-        record_from_bag(tmp_path, scene)
+@pytest.mark.parametrize(
+    ("bag", "point", "error", "rule"),
+    [
+        (".", "nose", InvalidInputError, "operational point"),
+        ("nowhere", "", BagError, "no bag at"),
+        (".", "", BagError, "cut short"),
+    ],
+)
+def test_unknown_point_and_no_bag(scene, tmp_path, bag, point, error, rule):
+    with pytest.raises(error, match=rule):
+        record_from_bag(tmp_path / bag, scene, point=point)

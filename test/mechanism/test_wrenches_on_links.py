@@ -118,13 +118,16 @@ def test_poses_are_copies():
         assert np.array_equal(found.homogeneous, before)
 
 
-def test_unknown_frames_and_links_are_refused():
-    document = _document(0)
-    sim = simulator(document)
-    state = sim.initial_state()
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda sim, state: sim.mechanism.frame_pose(state.q, "elbow"),
+        lambda sim, state: sim.mechanism.link_jacobian(state.q, "elbow"),
+        lambda sim, state: sim.step(state, np.zeros((2, 6)), {"elbow": np.ones(6)}),
+    ],
+    ids=["frame_pose", "link_jacobian", "step"],
+)
+def test_unknown_frames_and_links_are_refused(ask):
+    sim = simulator(_document(0))
     with pytest.raises(InvalidInputError, match="elbow"):
-        sim.mechanism.frame_pose(state.q, "elbow")
-    with pytest.raises(InvalidInputError, match="elbow"):
-        sim.mechanism.link_jacobian(state.q, "elbow")
-    with pytest.raises(InvalidInputError, match="elbow"):
-        sim.step(state, np.zeros((2, 6)), {"elbow": np.ones(6)})
+        ask(sim, sim.initial_state())
