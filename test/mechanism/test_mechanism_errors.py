@@ -70,14 +70,6 @@ def test_unknown_point_and_closure(mechanism):
     assert mechanism.closure_index("pin") == 0
 
 
-def test_a_scene_in_which_nothing_moves_is_refused():
-    document = five_bar()
-    for link in document["links"]:
-        link["joint"]["locked"] = True
-    with pytest.raises(SceneError, match="at least one joint"):
-        scene_from_document(document)
-
-
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @pytest.mark.parametrize("value", [np.nan, np.inf, 1e300])
 @pytest.mark.parametrize("closed", [True, False])
@@ -87,6 +79,8 @@ def test_a_state_that_is_no_longer_finite_is_an_error(value, closed):
         sim.step(sim.initial_state(), np.full((8, 6), value))
 
 
-def test_all_errors_are_of_one_family():
-    for kind in (ClosureError, InvalidInputError, SceneError, SingularInertiaError):
-        assert issubclass(kind, HapticMechError)
+@pytest.mark.parametrize(
+    "kind", [ClosureError, InvalidInputError, SceneError, SingularInertiaError]
+)
+def test_all_errors_are_of_one_family(kind):
+    assert issubclass(kind, HapticMechError)
