@@ -312,7 +312,10 @@ def test_shapes_of_mjcf_are_where_mujoco_has_them(tmp_path):
             assert model.geom_size[there][: len(sizes)] == pytest.approx(sizes, rel=SAME)
 
 
-def test_geoms_that_no_scene_has_are_noted_and_refused(tmp_path):
+@pytest.mark.parametrize(
+    ("name", "rule"), [("f", "a scene's shapes"), ("e", "a scene's shapes"), ("i", "needs a file")]
+)
+def test_geoms_that_no_scene_has_are_noted_and_refused(tmp_path, name, rule):
     fitted = '<geom name="f" type="box" mesh="m"/><geom name="e" type="ellipsoid" size="1 1 1"/>'
     inline = '<mesh name="i" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset>'
     body = '<body name="b" pos="0 0 1">'
@@ -323,9 +326,8 @@ def test_geoms_that_no_scene_has_are_noted_and_refused(tmp_path):
     assert counts["geom that collides: box about a mesh"] == 1
     assert counts["geom that collides: ellipsoid"] == 1
     assert counts["geom"] == 1
-    for name, rule in (("f", "a scene's shapes"), ("e", "a scene's shapes"), ("i", "needs a file")):
-        with pytest.raises(SceneError, match=rule):
-            load_scene(scene(path, [("floor", name)]))
+    with pytest.raises(SceneError, match=rule):
+        load_scene(scene(path, [("floor", name)]))
 
 
 FALLING = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/>

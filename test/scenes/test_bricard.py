@@ -11,7 +11,8 @@ from hapticmech_ros import Mechanism, analyse, load_scene
 from hapticmech_ros.mechanism.redundancy import redundancy
 from hapticmech_ros.scene import document_of
 from oracles.jacobians import Jacobians
-from oracles.sessions import whole
+
+NAME = "bricard"
 
 RODS = 5
 ANGLES = np.linspace(-0.5, 1.5, 9)
@@ -81,8 +82,7 @@ def test_the_mass_felt_is_what_the_scene_promises():
     assert inertia / (twist[:3] @ twist[:3]) == pytest.approx(0.664, abs=0.001)
 
 
-def test_it_keeps_to_its_way():
-    run = whole("bricard")
+def test_it_keeps_to_its_way(run):
     q = run.of(lambda s: s.mechanism.q)
     assert np.ptp(q[:, 0]) > 1.2
     expected = np.array([way(angle)[0] for angle in q[::50, 0]])
@@ -91,9 +91,8 @@ def test_it_keeps_to_its_way():
     assert set(run.count) == {5}
 
 
-def test_a_push_off_the_way_is_given_back():
+def test_a_push_off_the_way_is_given_back(run):
     """In the middle of a chord the hand pulls aside by several N, and the joints hold it."""
-    run = whole("bricard")
     off = []
     for sample in run.samples[::25]:
         twist, _ = twist_and_inertia(sample.mechanism.q[0])

@@ -9,7 +9,8 @@ import pytest
 
 from hapticmech_ros import Mechanism, Simulator, analyse, load_scene
 from hapticmech_ros.mechanism.redundancy import redundancy
-from oracles.sessions import whole
+
+NAME = "scissor_lift"
 
 STAGES, BAR = 3, 0.12
 PLATFORM, ROLLER, BAR_MASS, BAR_MOMENT = 0.8, 0.03, 0.05, 6e-5
@@ -93,8 +94,7 @@ def test_the_lift_weighs_nothing():
     assert np.abs(end.q - start.q).max() < 1e-6
 
 
-def test_it_rises_as_its_bars_turn():
-    run = whole("scissor_lift")
+def test_it_rises_as_its_bars_turn(run):
     q = run.of(lambda s: s.mechanism.q)
     assert np.ptp(q[:, 7]) > 0.12
     assert q[:, 7] == pytest.approx(height_of(q[:, 0]), abs=1e-12)
@@ -103,12 +103,11 @@ def test_it_rises_as_its_bars_turn():
     assert set(run.count) == {2}
 
 
-def test_the_hand_feels_the_mass_on_its_way():
+def test_the_hand_feels_the_mass_on_its_way(run):
     """What hand and device do at the device goes into m ẍ of the lift, to the damping of its pins.
 
     The session's own mass: force over acceleration, by least squares over the moves.
     """
-    run = whole("scissor_lift")
     moving = (run.time > 0.3) & (run.time < 3.0)
     speed = run.of(lambda s: s.device.twist[1])
     push = run.of(lambda s: s.hand_wrench[1])
@@ -120,9 +119,9 @@ def test_the_hand_feels_the_mass_on_its_way():
     assert damping > 0.0
 
 
-def test_a_pull_aside_is_given_back():
+def test_a_pull_aside_is_given_back(run):
     """At the end the hand pulls aside by 4 N, and the lift stands where it is."""
-    sample = whole("scissor_lift").samples[-1]
+    sample = run.samples[-1]
     push = sample.hand_wrench[0]
     assert push > 3.0
     assert sample.output.joint_constraint[0] == pytest.approx(-push, rel=1e-3)

@@ -13,7 +13,8 @@ from hapticmech_ros.scene import document_of, scene_from_document
 from oracles import closed_form
 from oracles.jacobians import Jacobians
 from oracles.kinematics import skew
-from oracles.sessions import whole
+
+NAME = "shared_payload"
 
 PAYLOAD_MASS, PAYLOAD_MOMENT = 1.0, 1.1e-3
 GRIP = {"link": "payload", "origin": {"xyz": [0.04, 0.0, 0.0]}}
@@ -34,8 +35,8 @@ def test_the_arms_have_more_joints_than_they_need():
 
 
 @pytest.mark.parametrize("time", [0.0, 0.8, 1.8, 3.6])
-def test_the_hand_feels_payload_arms_and_base(time):
-    sample = whole("shared_payload").at(time)
+def test_the_hand_feels_payload_arms_and_base(time, run):
+    sample = run.at(time)
     expected = Jacobians(document(), sample.mechanism.q).inverse_inertia(GRIP)
     difference = np.abs(sample.analysis.inverse_inertia - expected).max()
     # 26 freedoms, D and closures of condition up to 1e4 together.
@@ -43,9 +44,9 @@ def test_the_hand_feels_payload_arms_and_base(time):
 
 
 @pytest.mark.parametrize("time", [0.0, 1.8, 3.6])
-def test_heavier_than_the_payload_and_lighter_than_all_of_it_in_one_piece(time):
+def test_heavier_than_the_payload_and_lighter_than_all_of_it_in_one_piece(time, run):
     """Inverse inertias in order: of one rigid piece, as it is, of the payload alone."""
-    sample = whole("shared_payload").at(time)
+    sample = run.at(time)
     jacobians = Jacobians(document(), sample.mechanism.q)
     rotation, middle = jacobians.poses["payload"]
     grasp_schedule = middle + rotation @ np.array(GRIP["origin"]["xyz"])
@@ -65,8 +66,7 @@ def test_heavier_than_the_payload_and_lighter_than_all_of_it_in_one_piece(time):
         assert gain.max() > 1e-2 * size
 
 
-def test_nothing_is_rigid_on_the_way():
-    run = whole("shared_payload")
+def test_nothing_is_rigid_on_the_way(run):
     assert set(run.count) == {0}
     assert np.abs(run.of(lambda s: s.output.joint_constraint)).max() == 0.0
     moved = run.of(lambda s: s.point.pose.translation)
@@ -101,9 +101,8 @@ def test_the_arms_move_the_whole_by_nothing(integrator, error):
     assert end == pytest.approx(start, abs=0.1 * error)
 
 
-def test_the_hand_moves_the_whole_as_its_mass():
+def test_the_hand_moves_the_whole_as_its_mass(run):
     """The centre of mass of all goes as the hand's and the channels' force, over 11.3 kg."""
-    run = whole("shared_payload")
     h = run.session.period
     # A command acts a period later.
     pushes = run.of(lambda s: s.output.mechanism[:3])[:-1]
@@ -157,7 +156,7 @@ def test_a_grasp_that_opens_leaves_the_payload_in_the_other_hand():
     assert end.q[21] > state.q[21] + 1e-3
 
 
-def test_locked_arms_and_one_grasp_feel_as_one_body():
+def test_locked_arms_and_one_grasp_feel_as_one_body(run):
     """All joints locked, the whole is one rigid body of 11.3 kg.
 
     One grasp does: arms that cannot move meet the other one to the file's nine digits only.
@@ -170,7 +169,7 @@ def test_locked_arms_and_one_grasp_feel_as_one_body():
     simulator = Simulator(scene_from_document(changed))
     state = simulator.initial_state()
     found = analyse(simulator.mechanism, state.q, active=state.active).inverse_inertia
-    first = whole("shared_payload").samples[0].mechanism
+    first = run.samples[0].mechanism
     mass, centre = Jacobians(document(), first.q).centre_of_mass()
     force = np.array([1.0, 0.5, -0.2])
     grasp_schedule = np.array([0.24, 0.0, 0.0])

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import Mechanism, analyse, load_scene
-from oracles.sessions import whole
+
+NAME = "slider_crank_engine"
 
 RADIUS, ROD = 0.04, 0.13
 INMOST = ROD - RADIUS  # where the piston counts from
@@ -88,20 +89,18 @@ def test_at_a_dead_centre_the_piston_is_rigid_and_the_pin_is_not(angle):
     assert analyse(mechanism(), turn.q, point="crank_pin").rank == 1
 
 
-def test_the_pin_is_two_constraints_over_whole_turns():
-    run = whole("slider_crank_engine")
+def test_the_pin_is_two_constraints_over_whole_turns(run):
     turned = run.of(lambda s: s.mechanism.q[0])
     assert turned[-1] - turned[0] > 10.0 * np.pi
     assert run.changes == []
     assert run.count[0] == 2
 
 
-def test_the_crank_obeys_its_own_equation_of_motion():
+def test_the_crank_obeys_its_own_equation_of_motion(run):
     """I ω' + ½ dI/dθ ω² = couple - c ω: one turn of the session against Runge and Kutta's rule.
 
     The session's couple is the hand's and what the position channel adds, as it was commanded.
     """
-    run = whole("slider_crank_engine")
     begin, end = 3000, 4000
     states = run.of(lambda s: (s.mechanism.q[0], s.mechanism.v[0]))
     pushes = run.of(lambda s: s.output.mechanism)
@@ -127,9 +126,8 @@ def test_the_crank_obeys_its_own_equation_of_motion():
     assert states[end] == pytest.approx(state, rel=2e-5)
 
 
-def test_the_speed_goes_with_the_mass_felt():
+def test_the_speed_goes_with_the_mass_felt(run):
     """The heavier the slower: the flywheel's even part hides in neither."""
-    run = whole("slider_crank_engine")
     settled = run.time > 3.0
     speeds = run.of(lambda s: s.mechanism.v[0])[settled]
     masses = run.of(lambda s: 1.0 / np.trace(s.analysis.inverse_inertia[:2, :2]))[settled]
@@ -137,9 +135,8 @@ def test_the_speed_goes_with_the_mass_felt():
     assert speeds.max() > 1.3 * speeds.min()
 
 
-def test_the_hand_feels_the_couple_that_it_gives():
+def test_the_hand_feels_the_couple_that_it_gives(run):
     """Device and crank go together, so what the device gives back is the hand's couple or so."""
-    run = whole("slider_crank_engine")
     settled = run.time > 1.0
     torque = run.of(lambda s: s.output.device[5])[settled]
     assert torque.mean() == pytest.approx(-PUSH, rel=0.1)

@@ -13,7 +13,8 @@ from hapticmech_ros.plan.scene_plan import check_scene
 from hapticmech_ros.scene import document_of, scene_from_document
 from oracles import closed_form
 from oracles.jacobians import Jacobians
-from oracles.sessions import whole
+
+NAME = "stewart_platform"
 
 
 def test_six_loops_leave_six_freedoms():
@@ -25,9 +26,9 @@ def test_six_loops_leave_six_freedoms():
 
 
 @pytest.mark.parametrize("time", [0.0, 1.2, 2.0, 3.2])
-def test_the_hand_feels_platform_and_legs(time):
+def test_the_hand_feels_platform_and_legs(time, run):
     """X of the session's own states, from axes and arms of joints, and independent coordinates."""
-    sample = whole("stewart_platform").at(time)
+    sample = run.at(time)
     document = document_of(load_scene("stewart_platform"))
     oracle = Jacobians(document, sample.mechanism.q)
     expected = oracle.inverse_inertia(document["operational_points"][0])
@@ -36,8 +37,7 @@ def test_the_hand_feels_platform_and_legs(time):
     assert difference < 1e-9 * np.abs(expected).max()
 
 
-def test_nothing_is_rigid_on_the_way():
-    run = whole("stewart_platform")
+def test_nothing_is_rigid_on_the_way(run):
     assert set(run.count) == {0}
     assert np.abs(run.of(lambda s: s.output.joint_constraint)).max() == 0.0
     moved = run.of(lambda s: s.point.pose.translation)
@@ -47,13 +47,12 @@ def test_nothing_is_rigid_on_the_way():
     assert np.ptp(turned) > 0.1
 
 
-def test_springs_carry_the_weight():
+def test_springs_carry_the_weight(run):
     """Left alone it stays level, at its height: rests are written in tenths of a micrometre."""
     simulator = Simulator(load_scene("stewart_platform"))
     start = simulator.initial_state()
     end = simulator.run(start, 3000).end
     assert np.abs(end.q - start.q).max() < 1e-6
-    run = whole("stewart_platform")
     early = run.of(lambda s: np.abs(s.output.device).max())[run.time < 0.25]
     assert early.max() < 1e-4
 
