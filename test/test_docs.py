@@ -7,7 +7,6 @@ from __future__ import annotations
 import re
 import shlex
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
@@ -16,7 +15,7 @@ from ruamel.yaml import YAML
 from typer.testing import CliRunner
 
 from benchmarks.__main__ import app_of
-from commands import ran
+from commands import printed_by, ran
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.nodes.parameter_table import markdown as parameter_table
 from hapticmech_ros.numerics.layout import OperationalModelSample
@@ -59,16 +58,7 @@ def output_of(program: str, place: Path) -> str:
     """Return what a program prints that ends without an error."""
     script = place / "program.py"
     script.write_text(program, encoding="utf-8")
-    run = subprocess.run(
-        [sys.executable, script],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        cwd=place,
-        check=False,
-    )
-    assert run.returncode == 0, run.stderr
-    return run.stdout
+    return printed_by(script, cwd=place, timeout=60.0)
 
 
 def test_the_readme_program_runs(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ import pytest
 from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.experiment import compare, record_from_bag
 from hapticmech_ros.experiment.summary import count_changes
+from oracles.running import varied
 
 VIEW = ("constraint_wrench", "kinetic", "potential", "work_in", "damping_loss", "closure_error")
 CONTROL = (
@@ -117,8 +118,8 @@ def test_lost_messages_leave_gaps(make_bag, scene, session_record):
 
 
 def test_cuts_before_the_hold_and_after_the_duration(make_bag, scene, session_record):
-    quick = scene.hand.model_copy(update={"start_delay": 0.1})
-    record = record_from_bag(make_bag(), scene.model_copy(update={"hand": quick}), duration=1.0)
+    quick = varied(scene, hand={"start_delay": 0.1})
+    record = record_from_bag(make_bag(), quick, duration=1.0)
     assert (record.times[0], record.times[-1]) == pytest.approx((-0.1, 1.0), abs=1e-12)
     assert (record.wrench_times[0], record.wrench_times[-1]) == pytest.approx(
         (-0.09, 0.99), abs=1e-12

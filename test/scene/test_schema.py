@@ -100,20 +100,23 @@ def test_examples_of_the_page_are_values_that_scenes_take():
     assert (("Scene", "links")) not in found
 
 
-def test_rules_of_the_page_are_those_that_refuse():
+GAINS = "controller.joint_constraint={}"
+
+
+@pytest.mark.parametrize(
+    ("key", "borne", "refused", "row"),
+    [
+        ("simulation.period", "0.1", "0.1001", "number > 0 and ≤ 0.1"),
+        ("perception.s_off", "5e-2", "1.0", "number > 0 and < 1"),
+        ("simulation.substeps", "1", "0", "whole number ≥ 1 and ≤ 1000"),
+    ],
+)
+def test_rules_of_the_page_are_those_that_refuse(key, borne, refused, row):
     """The bound that the page tells of a number is the one at which it is refused."""
-    gains = "controller.joint_constraint={}"
-    for change in ("simulation.period=0.1", "perception.s_off=5e-2"):
-        load_scene("two_link", changes=[change, gains])
-    for change in ("simulation.period=0.1001", "perception.s_off=1.0", "simulation.substeps=0"):
-        with pytest.raises(SceneError, match=re.escape(change.split("=")[0])):
-            load_scene("two_link", changes=[change, gains])
-    for row in (
-        "| `period` | number > 0 and ≤ 0.1 |",
-        "| `s_off` | number > 0 and < 1 |",
-        "| `substeps` | whole number ≥ 1 and ≤ 1000 |",
-    ):
-        assert row in PAGE
+    load_scene("two_link", changes=[f"{key}={borne}", GAINS])
+    with pytest.raises(SceneError, match=re.escape(key)):
+        load_scene("two_link", changes=[f"{key}={refused}", GAINS])
+    assert f"| `{key.split('.')[1]}` | {row} |" in PAGE
 
 
 def test_every_key_has_an_example_that_it_accepts():
