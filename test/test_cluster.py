@@ -19,10 +19,11 @@ import pytest
 
 from commands import ran
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.study import Design, Variation, run_study
+from hapticmech_ros.study import run_study
 from hapticmech_ros.system.workers import ClusterError, cluster, versions
 from sampling import long_ones
 from study.counting import FOLDER
+from study.designs import of
 
 pytestmark = pytest.mark.skipif(
     find_spec("distributed") is None, reason="distributed, of the extra cluster, is not installed"
@@ -100,10 +101,6 @@ def workers(scheduler, tmp_path) -> Iterator[str]:
     asked.mkdir()
     with crew(scheduler, tmp_path, 2, **{FOLDER: str(asked)}):
         yield scheduler
-
-
-def of(*texts, **more):
-    return Design(tuple(map(Variation.read, texts)), **more)
 
 
 def test_rows_are_those_of_this_process_to_the_bit(workers, tmp_path):

@@ -2,12 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A slider-crank felt at its crank pin and at its piston, against closed forms over the turn."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 
-from hapticmech_ros import Mechanism, analyse, load_scene
+from hapticmech_ros import analyse
 
 NAME = "slider_crank_engine"
 
@@ -50,16 +48,11 @@ class Turn:
         self.q = np.array([angle, self.tilt - angle, self.piston - INMOST])
 
 
-@cache
-def mechanism():
-    return Mechanism(load_scene("slider_crank_engine"))
-
-
 @pytest.mark.parametrize("angle", ANGLES)
-def test_the_mass_at_the_crank_pin_comes_and_goes(angle):
+def test_the_mass_at_the_crank_pin_comes_and_goes(angle, mechanism):
     """X = j jᵀ / I(angle), with j the twist of the pin at 1 rad/s of the crank."""
     turn = Turn(angle)
-    found = analyse(mechanism(), turn.q, point="crank_pin")
+    found = analyse(mechanism, turn.q, point="crank_pin")
     twist = np.concatenate((turn.pin_rate, np.zeros(3), (1.0,)))
     # Products of some ten terms, and closures of condition up to 1e2: 1e-12 of the largest entry.
     size = 1.0 / turn.inertia
@@ -70,23 +63,23 @@ def test_the_mass_at_the_crank_pin_comes_and_goes(angle):
 
 
 @pytest.mark.parametrize("angle", ANGLES)
-def test_the_mass_at_the_piston(angle):
+def test_the_mass_at_the_piston(angle, mechanism):
     turn = Turn(angle)
-    found = analyse(mechanism(), turn.q, point="piston_crown")
+    found = analyse(mechanism, turn.q, point="piston_crown")
     mass = turn.inertia / turn.piston_rate**2
     assert 1.0 / found.inverse_inertia[0, 0] == pytest.approx(mass, rel=1e-9)
 
 
 @pytest.mark.parametrize("angle", [0.0, np.pi])
-def test_at_a_dead_centre_the_piston_is_rigid_and_the_pin_is_not(angle):
+def test_at_a_dead_centre_the_piston_is_rigid_and_the_pin_is_not(angle, mechanism):
     """A push on the piston turns nothing: the third constraint of the plane."""
     turn = Turn(angle)
-    piston = analyse(mechanism(), turn.q, point="piston_crown")
+    piston = analyse(mechanism, turn.q, point="piston_crown")
     assert piston.rank == 0
     assert piston.constraint_wrenches.shape == (6, 3)
     # x_piston' is r sin, next to rounding here.
     assert piston.spectrum.s[0] < 1e-12
-    assert analyse(mechanism(), turn.q, point="crank_pin").rank == 1
+    assert analyse(mechanism, turn.q, point="crank_pin").rank == 1
 
 
 def test_the_pin_is_two_constraints_over_whole_turns(run):

@@ -8,11 +8,8 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.study import Design, Variation
-
-
-def of(*texts, **more):
-    return Design(tuple(map(Variation.read, texts)), **more)
+from hapticmech_ros.study import Variation
+from study.designs import of
 
 
 def test_a_grid_has_every_combination_once_the_last_key_fastest():
