@@ -15,7 +15,7 @@ from hapticmech_ros.mechanism.refinement import step_error
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.scene import scene_from_document
 from oracles.planar_linkages import five_bar, five_bar_bent
-from oracles.running import simulator, with_start
+from oracles.running import simulator, with_joints, with_start
 
 
 @pytest.fixture
@@ -28,9 +28,7 @@ def mechanism():
 def test_a_step_that_blows_up_is_no_missing_mass(integrator, closed):
     """Springs of 1e13 N m/rad at 1 ms: the joint that went astray is named, no link is to blame."""
     document = with_start(five_bar(closed=closed), five_bar_bent(1.9, 0.6))
-    for link in document["links"]:
-        link["joint"] |= {"stiffness": 1e13, "rest": 0.0}
-    sim = simulator(document, integrator=integrator)
+    sim = simulator(with_joints(document, stiffness=1e13, rest=0.0), integrator=integrator)
     state = sim.initial_state()
     with pytest.raises(HapticMechError) as raised:
         sim.run(state, 1000)

@@ -17,6 +17,7 @@ from oracles.running import (
     total_energy,
     unaccounted,
     varied,
+    with_joints,
     with_start,
     wrenches_on,
 )
@@ -89,9 +90,7 @@ def test_what_cannot_be_refined_is_an_error_that_names_a_joint():
 def test_a_loop_that_springs_tear_open_says_so():
     """Smaller steps are tried before that: the error is that of the whole step."""
     document = with_start(five_bar(), five_bar_bent(1.9, 0.6))
-    for link in document["links"]:
-        link["joint"] |= {"stiffness": 1e8, "rest": 0.0}
-    sim = simulator(document)
+    sim = simulator(with_joints(document, stiffness=1e8, rest=0.0))
     with pytest.raises(ClosureError, match="came apart"):
         sim.run(sim.initial_state(), 100)
 
@@ -139,8 +138,7 @@ COARSE = {"rk2": 1e-3}
 def swinging(integrator):
     """Return the document of two bars on springs whose motions turn by 0.1 to 0.6 rad in a step."""
     document = chain(np.array([1.0, 0.8]), np.array([1.0, 0.5]), np.array([1.0, 0.5]) / 12.0)
-    for link in document["links"]:
-        link["joint"] |= {"stiffness": 2000.0, "rest": 0.0}
+    document = with_joints(document, stiffness=2000.0, rest=0.0)
     document |= {"hand": {"kind": "constant_wrench"}}
     # Steps that count as accurate and are not done again: what they add up to is tested.
     accuracy = {"tolerance": COARSE.get(integrator)}

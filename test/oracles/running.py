@@ -43,6 +43,17 @@ def with_start(document: Document, q: Array, v: Array | None = None) -> Document
     return document | {"initial_state": start}
 
 
+def with_joints(document: Document, **parts: object) -> Document:
+    """Return the document with these values in each of its hinges and slides."""
+    links = [
+        link | {"joint": link["joint"] | parts}
+        if link["joint"]["type"] in ("revolute", "prismatic")
+        else link
+        for link in document["links"]
+    ]
+    return document | {"links": links}
+
+
 def simulator(
     document: Document, period: float = 1e-3, integrator: str = "rk4", **simulation: object
 ) -> Simulator:
