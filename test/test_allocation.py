@@ -106,6 +106,16 @@ CASES = [
 ]
 
 
+def repeated(tick: Tick, times: int) -> int:
+    """Tick so many times; return by how many bytes what is traced has grown."""
+    before, _ = tracemalloc.get_traced_memory()
+    for _ in range(times):
+        tick()
+    gc.collect()
+    after, _ = tracemalloc.get_traced_memory()
+    return after - before
+
+
 def arrays_now() -> int:
     """Return how many blocks of NumPy are allocated and were traced."""
     domain = tracemalloc.DomainFilter(True, np.lib.tracemalloc_domain)
@@ -135,13 +145,10 @@ def test_ticks_leave_nothing_behind(
     # loops latch, and contacts come, before it counts.
     changes = any(closure.latch_distance for closure in scene.closures) or scene.contacts
     if changes:
-        for _ in range(TICKS):
-            tick()
+        repeated(tick, TICKS)
     traced_later()
     # What comes again and again is made anew, and traced from then on.
-    for _ in range(WARM_UP):
-        tick()
-    gc.collect()
+    repeated(tick, WARM_UP)
     arrays = arrays_now()
     gc.collect()
     objects = len(gc.get_objects())
@@ -149,12 +156,7 @@ def test_ticks_leave_nothing_behind(
     # they leave behind again.
     left: list[int] = []
     while not left or (left[-1] >= LEFT_BEHIND and len(left) < 2):
-        before, _ = tracemalloc.get_traced_memory()
-        for _ in range(TICKS):
-            tick()
-        gc.collect()
-        after, _ = tracemalloc.get_traced_memory()
-        left.append(after - before)
+        left.append(repeated(tick, TICKS))
     assert left[-1] < LEFT_BEHIND, left
     assert len(gc.get_objects()) - objects < OBJECTS
     assert arrays_now() <= arrays
@@ -164,9 +166,7 @@ def test_ticks_leave_nothing_behind(
 def test_ticks_leave_nothing_for_the_collector(make: Callable[[Scene], Tick], scene: Scene) -> None:
     """Nothing refers to itself: the collector, which would stop a tick, finds nothing to free."""
     tick = make(scene)
-    for _ in range(WARM_UP):
-        tick()
-    gc.collect()
+    repeated(tick, WARM_UP)
     gc.disable()
     try:
         for _ in range(200):
@@ -180,9 +180,7 @@ def test_ticks_leave_nothing_for_the_collector(make: Callable[[Scene], Tick], sc
 @pytest.mark.parametrize(("make", "scene"), sampled(CASES, "arrays", 2))
 def test_a_tick_takes_no_more_than_its_arrays(make: Callable[[Scene], Tick], scene: Scene) -> None:
     tick = make(scene)
-    for _ in range(WARM_UP):
-        tick()
-    gc.collect()
+    repeated(tick, WARM_UP)
     before, _ = tracemalloc.get_traced_memory()
     tracemalloc.reset_peak()
     for _ in range(50):

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import sys
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ import pytest
 import hapticmech_ros
 from hapticmech_ros import InvalidInputError, Mechanism, SceneError, Session, load_scene
 from hapticmech_ros.loading import shipped_scenes
+from hapticmech_ros.scene.device import Device
 
 
 def test_every_public_name_is_there() -> None:
@@ -43,17 +45,13 @@ def test_columns_of_a_run_are_its_rows() -> None:
     np.testing.assert_array_equal(columns["time"], run["time"])
 
 
-def test_a_changed_scene_is_validated_and_the_first_one_stays() -> None:
+def test_a_changed_scene_has_the_changes_and_the_first_one_stays() -> None:
     scene = load_scene("two_link")
     heavier = scene.with_("links[0].inertial.mass=2.5", "device.mass=0.4")
     assert heavier.links[0].inertial.mass == 2.5
     assert heavier.device.mass == 0.4
     assert scene == load_scene("two_link")
     assert scene.with_() == scene
-    with pytest.raises(SceneError, match=r"device\.mass"):
-        scene.with_("device.mass=-1")
-    with pytest.raises(SceneError, match="unknown key"):
-        scene.with_("device.masss=1")
 
 
 def test_objects_say_what_they_are_in_a_line() -> None:
@@ -83,15 +81,24 @@ def test_a_scene_with_other_keys_is_validated() -> None:
     other = scene.with_("device.mass=0.4", gravity=np.array((0.0, -9.81, 0.0)), links=links)
     assert other == scene.with_("device.mass=0.4", "gravity=[0, -9.81, 0]")
     assert other.with_(gravity=scene.gravity, device=scene.device) == scene
-    for wrong, rule in (
-        ({"gravity": (0.0, 1.0)}, "gravity"),
-        ({"masss": 1.0}, "unknown key"),
-        ({"hand": scene.device}, "hand"),
-    ):
-        with pytest.raises(SceneError, match=rule):
-            scene.with_(**wrong)
-    with pytest.raises(TypeError, match="cannot be written into a scene"):
-        scene.with_(name={1, 2})
+
+
+@pytest.mark.parametrize(
+    ("texts", "keys", "error", "rule"),
+    [
+        (("device.mass=-1",), {}, SceneError, r"device\.mass"),
+        (("device.masss=1",), {}, SceneError, "unknown key"),
+        ((), {"gravity": (0.0, 1.0)}, SceneError, "gravity"),
+        ((), {"masss": 1.0}, SceneError, "unknown key"),
+        ((), {"hand": Device()}, SceneError, "hand"),
+        ((), {"name": {1, 2}}, TypeError, "cannot be written into a scene"),
+    ],
+)
+def test_a_change_that_a_scene_cannot_have_is_refused(
+    texts: tuple[str, ...], keys: dict[str, Any], error: type[Exception], rule: str
+) -> None:
+    with pytest.raises(error, match=rule):
+        load_scene("two_link").with_(*texts, **keys)
 
 
 def test_joints_with_one_degree_of_freedom_have_an_index() -> None:

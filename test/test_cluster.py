@@ -16,14 +16,14 @@ from socket import socket
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from hapticmech_ros.cli import app
+from commands import ran
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.study import Design, Variation, run_study
+from hapticmech_ros.study import run_study
 from hapticmech_ros.system.workers import ClusterError, cluster, versions
 from sampling import long_ones
 from study.counting import FOLDER
+from study.designs import of
 
 pytestmark = pytest.mark.skipif(
     find_spec("distributed") is None, reason="distributed, of the extra cluster, is not installed"
@@ -103,10 +103,6 @@ def workers(scheduler, tmp_path) -> Iterator[str]:
         yield scheduler
 
 
-def of(*texts, **more):
-    return Design(tuple(map(Variation.read, texts)), **more)
-
-
 def test_rows_are_those_of_this_process_to_the_bit(workers, tmp_path):
     design = of("links[0].inertial.mass=0.05:0.5", "device.mass=0.1:0.4", samples=40, seed=1)
     here = run_study("five_bar", design, ("felt", "limits"))
@@ -132,33 +128,31 @@ def test_a_worker_that_dies_costs_its_scene_alone(workers, tmp_path, monkeypatch
 
 
 def test_commands_take_a_cluster(workers, tmp_path):
-    out = str(tmp_path / "out")
-    vary = ["--vary", "device.mass=0.1:0.4:3"]
-    command = ["study", "two_link", *vary, "--cluster", workers, "--json", "-o", out]
-    said = CliRunner().invoke(app, command)
-    assert said.exit_code == 0, said.output
-    assert json.loads(said.stdout)["measured"] == 3
-    joints = ["--joint", "joint1=-0.5:0.5:9", "--joint", "joint2=1:1.8:9"]
-    for where, more in (("here", ["--processes", "1"]), ("there", ["--cluster", workers])):
-        command = ["sweep", "five_bar", *joints, *more, "-o", str(tmp_path / where)]
-        said = CliRunner().invoke(app, command)
-        assert said.exit_code == 0, said.output
-    here, there = (np.load(tmp_path / where / "sweep.npz") for where in ("here", "there"))
-    assert here["q"].tobytes() == there["q"].tobytes()
-    assert len(here["q"]) > 16
-    feel = ["feel", "passivity", "two_link", "--seconds", "0.2", "--delays", "0", "--json"]
-    said = CliRunner().invoke(app, [*feel, "--cluster", workers, "-o", out])
-    assert said.exit_code == 0, said.output
-    assert len(json.loads(said.stdout)) == 4
+    there = ("--cluster", workers)
+    out = ("--json", "-o", tmp_path / "out")
+    said = ran("study", "two_link", "--vary", "device.mass=0.1:0.4:3", *there, *out)
+    assert json.loads(said)["measured"] == 3
+    joints = ("--joint", "joint1=-0.5:0.5:9", "--joint", "joint2=1:1.8:9")
+    tables = []
+    for name, more in (("here", ("--processes", "1")), ("there", there)):
+        ran("sweep", "five_bar", *joints, *more, "-o", tmp_path / name)
+        tables.append(np.load(tmp_path / name / "sweep.npz")["q"])
+    assert tables[0].tobytes() == tables[1].tobytes()
+    assert len(tables[0]) > 16
+    said = ran("feel", "passivity", "two_link", "--seconds", "0.2", "--delays", "0", *there, *out)
+    assert len(json.loads(said)) == 4
 
 
-def test_a_cluster_that_cannot_be_used_is_refused_in_a_sentence(scheduler):
-    with pytest.raises(InvalidInputError, match="tcp://HOST:PORT"), cluster("localhost:8786"):
-        pass
-    nobody = f"tcp://127.0.0.1:{free_port()}"
-    with pytest.raises(ClusterError, match="no scheduler of Dask answers"), cluster(nobody, 1.0):
-        pass
-    with pytest.raises(ClusterError, match="has no worker"), cluster(scheduler, 1.0):
+@pytest.mark.parametrize(
+    ("place", "error", "rule"),
+    [
+        (lambda _: "localhost:8786", InvalidInputError, "tcp://HOST:PORT"),
+        (lambda _: f"tcp://127.0.0.1:{free_port()}", ClusterError, "no scheduler of Dask answers"),
+        (lambda scheduler: scheduler, ClusterError, "has no worker"),
+    ],
+)
+def test_a_cluster_that_cannot_be_used_is_refused_in_a_sentence(scheduler, place, error, rule):
+    with pytest.raises(error, match=rule), cluster(place(scheduler), 1.0):
         pass
 
 

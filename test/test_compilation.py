@@ -3,15 +3,13 @@
 """Kernels: what they may do, what is compiled of them, and that a change in any file is seen."""
 
 import ast
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import hapticmech_ros
+from commands import printed_by
 from hapticmech_ros.compilation import (
     Part,
     Size,
@@ -254,18 +252,10 @@ print(sound_stamp(values, np.full(27, 10.0), 5, 1e-6), "numba" in sys.modules)
 
 
 @pytest.mark.parametrize("kernels", ["library", "checked"])
-def test_the_library_needs_no_numba(kernels):
+def test_the_library_needs_no_numba(monkeypatch, kernels):
     library.compile_ahead()
-    done = subprocess.run(
-        [sys.executable, "-c", PROCESS],
-        check=False,
-        capture_output=True,
-        text=True,
-        env={**os.environ, "HAPTICMECH_ROS_KERNELS": kernels},
-        timeout=120.0,
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.split() == ["3000000007", "False"]
+    monkeypatch.setenv("HAPTICMECH_ROS_KERNELS", kernels)
+    assert printed_by("-c", PROCESS).split() == ["3000000007", "False"]
 
 
 def decorators(module):

@@ -7,7 +7,6 @@ from __future__ import annotations
 import re
 import shlex
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
@@ -16,8 +15,8 @@ from ruamel.yaml import YAML
 from typer.testing import CliRunner
 
 from benchmarks.__main__ import app_of
+from commands import printed_by, ran
 from hapticmech_ros import Session, load_scene
-from hapticmech_ros.cli import app
 from hapticmech_ros.nodes.parameter_table import markdown as parameter_table
 from hapticmech_ros.numerics.layout import OperationalModelSample
 from hapticmech_ros.scene import document_of
@@ -59,16 +58,7 @@ def output_of(program: str, place: Path) -> str:
     """Return what a program prints that ends without an error."""
     script = place / "program.py"
     script.write_text(program, encoding="utf-8")
-    run = subprocess.run(
-        [sys.executable, script],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        cwd=place,
-        check=False,
-    )
-    assert run.returncode == 0, run.stderr
-    return run.stdout
+    return printed_by(script, cwd=place, timeout=60.0)
 
 
 def test_the_readme_program_runs(tmp_path: Path) -> None:
@@ -150,29 +140,19 @@ def test_every_command_that_the_readme_names_exists() -> None:
     assert not missing
 
 
-@pytest.mark.parametrize("line", OURS)
+GROUPS = ("demo", "experiment", "run", "topics", "parameters", "bag", "feel", "scene", "device")
+
+
+@pytest.mark.parametrize("line", [*OURS, *(f"hapticmech {group}" for group in GROUPS)])
 def test_every_hapticmech_command_of_the_documents_is_understood(line: str) -> None:
     """Options are read up to --help, which then ends the command."""
-    words = shlex.split(line, comments=True)
-    said = CliRunner().invoke(app, [*words[1:], "--help"])
-    assert said.exit_code == 0, said.output
-    assert "Usage" in said.output
+    assert "Usage" in ran(*shlex.split(line, comments=True)[1:], "--help")
 
 
 @pytest.mark.parametrize("line", BENCHMARKS)
 def test_every_benchmark_of_the_documents_is_understood(line: str) -> None:
     _, _, _, name, *options = shlex.split(line, comments=True)
     said = CliRunner().invoke(app_of([name]), [name, *options, "--help"])
-    assert said.exit_code == 0, said.output
-    assert "Usage" in said.output
-
-
-@pytest.mark.parametrize(
-    "command",
-    ["demo", "experiment", "run", "topics", "parameters", "bag", "feel", "scene", "device"],
-)
-def test_subcommands_explain_themselves(command: str) -> None:
-    said = CliRunner().invoke(app, [command, "--help"])
     assert said.exit_code == 0, said.output
     assert "Usage" in said.output
 

@@ -5,8 +5,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from importlib import import_module
 from inspect import isclass, isfunction
 from pathlib import Path
@@ -14,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import hapticmech_ros
+from commands import printed_by
 from sampling import long_ones
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -22,16 +21,8 @@ ROOT = Path(__file__).resolve().parents[1]
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("site")
-    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q"]
-    run = subprocess.run(
-        [*command, "-d", str(out / "doctrees"), ".", str(out / "html")],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=600,
-        check=False,
-    )
-    assert run.returncode == 0, run.stderr
+    places = "-d", out / "doctrees", ".", out / "html"
+    printed_by("-m", "sphinx", "-W", "--keep-going", "-q", *places, cwd=ROOT, timeout=600.0)
     return out / "html"
 
 

@@ -9,6 +9,8 @@ import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import pytest
+
 PACKAGE = Path(__file__).resolve().parents[1] / "hapticmech_ros"
 Check = Callable[[ast.FunctionDef], Iterator[str]]
 ARRAY = re.compile(r"\bArray\b|\bndarray\b")
@@ -98,7 +100,7 @@ def undocumented(text: str, check: Check) -> list[str]:
     ]
 
 
-def undocumented_files(check: Check, *, but: str = "") -> dict[str, list[str]]:
+def undocumented_files(check: Check, *, but: str) -> dict[str, list[str]]:
     """Return the faults in the package by file, but those of a folder."""
     files = [path for path in sorted(PACKAGE.rglob("*.py")) if path.parent.name != but]
     assert len(files) > 200
@@ -106,14 +108,11 @@ def undocumented_files(check: Check, *, but: str = "") -> dict[str, list[str]]:
     return {name: faulty for name, faulty in found.items() if faulty}
 
 
-def test_arrays_of_public_functions_have_shapes() -> None:
-    assert undocumented_files(faults) == {}
-
-
-def test_results_of_public_functions_are_said() -> None:
-    assert undocumented_files(missing_result) == {}
-
-
-def test_errors_of_public_functions_are_named() -> None:
-    """What a command line program raises ends it with a message; its docstring is its help."""
-    assert undocumented_files(missing_errors, but="cli") == {}
+@pytest.mark.parametrize(
+    ("check", "but"),
+    # What a command line program raises ends it with a message; its docstring is its help.
+    [(faults, ""), (missing_result, ""), (missing_errors, "cli")],
+    ids=["shapes of arrays", "results", "errors"],
+)
+def test_public_functions_say_what_they_take_and_give(check: Check, but: str) -> None:
+    assert undocumented_files(check, but=but) == {}

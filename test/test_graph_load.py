@@ -48,36 +48,52 @@ def test_load_is_what_happened_between_two_reports() -> None:
     assert load.fits
 
 
-def test_the_time_of_a_process_with_several_nodes_counts_once() -> None:
-    watch = LoadWatch(1000.0, 2.0, composed=True, settles_s=0.0)
-    watch.look(reports(report("/a", 7, 1.0, 10.0), report("/b", 7, 1.0, 10.0)))
-    load = watch.look(reports(report("/a", 7, 1.5, 11.0), report("/b", 7, 1.5, 11.0)))
+DEVICE = "/device"
+
+
+@pytest.mark.parametrize(
+    ("options", "looks", "used"),
+    [
+        (
+            {"composed": True, "settles_s": 0.0},
+            [[(name, 7, 1.0, 10.0) for name in "ab"], [(name, 7, 1.5, 11.0) for name in "ab"]],
+            0.5,
+        ),
+        (
+            {"settles_s": 0.0},
+            [
+                [(DEVICE, 1, 50.0, 10.0, 9000)],
+                [(DEVICE, 2, 0.5, 20.0, 100)],
+                [(DEVICE, 2, 0.9, 21.0, 1100)],
+            ],
+            0.4,
+        ),
+        (
+            {},
+            [
+                [(DEVICE, 1, 1.0, 10.0, 100)],
+                [(DEVICE, 1, 2.0, 10.9, 100)],
+                [(DEVICE, 1, 3.0, 11.2, 100)],
+                [(DEVICE, 1, 3.5, 12.2, 1100)],
+            ],
+            0.5,
+        ),
+    ],
+    ids=["several nodes of a process count once", "started again", "first second"],
+)
+def test_load_is_known_with_the_last_report(options, looks, used) -> None:
+    """Of a process with several nodes, of one that was started again, after its first second."""
+    watch = LoadWatch(1000.0, 2.0, **options)
+    *before, load = [watch.look(reports(*(report(*one) for one in look))) for look in looks]
+    assert before == [None] * len(before)
     assert load is not None
-    assert load.used == pytest.approx(0.5)
-
-
-def test_a_node_that_was_started_again_begins_anew() -> None:
-    watch = LoadWatch(1000.0, 2.0, settles_s=0.0)
-    watch.look(reports(report("/device", 1, 50.0, 10.0, 9000)))
-    assert watch.look(reports(report("/device", 2, 0.5, 20.0, 100))) is None
-    load = watch.look(reports(report("/device", 2, 0.9, 21.0, 1100)))
-    assert load is not None
-    assert load.used == pytest.approx(0.4)
-
-
-def test_the_first_second_of_each_process_does_not_count() -> None:
-    watch = LoadWatch(1000.0, 2.0)
-    for used, time in ((1.0, 10.0), (2.0, 10.9), (3.0, 11.2)):
-        assert watch.look(reports(report("/device", 1, used, time, 100))) is None
-    load = watch.look(reports(report("/device", 1, 3.5, 12.2, 1100)))
-    assert load is not None
-    assert load.used == pytest.approx(0.5)
+    assert load.used == pytest.approx(used)
 
 
 def test_nothing_is_known_of_a_graph_with_a_node_that_is_not_configured() -> None:
-    watch, made = LoadWatch(1000.0, 2.0, settles_s=0.0), Report("/new", False, "unconfigured", {})
+    watch, made = LoadWatch(1000.0, 2.0), Report("/new", False, "unconfigured", {})
     for at in (10.0, 11.0, 12.0):
-        assert watch.look(reports(report("/device", 1, at, at, 100), made)) is None
+        assert watch.look(reports(report(DEVICE, 1, at, at, 100), made)) is None
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.version import Version
 
+from commands import printed_by
 from hapticmech_ros.errors import HapticMechError, InstallationError
 from hapticmech_ros.system.installation import OF_COMMANDS, PACKAGE, refuse_middleware, refuse_unmet
 
@@ -110,14 +111,6 @@ def test_commands_and_nodes_end_with_one_sentence(tmp_path, command):
     assert "pip install 'pydantic>=2" in line
 
 
-def printed_by(program):
-    """Return what a program of Python prints, in a process of its own."""
-    ran = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=True
-    )
-    return ran.stdout
-
-
 def test_a_node_needs_nothing_of_the_commands():
     """It is not refused for a package that it never imports."""
     program = (
@@ -126,7 +119,7 @@ def test_a_node_needs_nothing_of_the_commands():
         "from hapticmech_ros.loading import load_scene\nload_scene('five_bar')\n"
         "print(*{name.split('.')[0] for name in sys.modules})\n"
     )
-    loaded = printed_by(program)
+    loaded = printed_by("-c", program)
     assert "numba" in loaded or "numpy" in loaded
     assert not OF_COMMANDS & set(loaded.split())
 
@@ -151,7 +144,7 @@ def test_nodes_of_small_scenes_start_without_scipy():
         "    analyser.observe(state.q, state.v, state.active)\n"
         "    print(name, 'scipy.linalg' in sys.modules)\n"
     )
-    started = dict(line.split() for line in printed_by(program).splitlines())
+    started = dict(line.split() for line in printed_by("-c", program).splitlines())
     assert len(started) == 5
     assert set(started.values()) == {"False"}, started
 

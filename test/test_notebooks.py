@@ -5,13 +5,12 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from commands import printed_by
 from sampling import sampled
 
 FOLDER = Path(__file__).resolve().parents[1] / "examples" / "notebooks"
@@ -31,16 +30,7 @@ def test_a_notebook_runs_in_order(path: Path, tmp_path: Path) -> None:
     assert len(code) >= 3
     script = tmp_path / "cells.py"
     script.write_text("import matplotlib\nmatplotlib.use('agg')\n" + "\n\n".join(code))
-    run = subprocess.run(
-        [sys.executable, str(script)],
-        cwd=FOLDER,
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
-    assert run.returncode == 0, run.stdout + run.stderr
-    assert run.stdout
+    assert printed_by(script, cwd=FOLDER, timeout=300.0)
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)

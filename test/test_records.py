@@ -5,13 +5,13 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from commands import printed_by
 from hapticmech_ros.compilation import local, put
 from hapticmech_ros.compilation.records import Nested, Number, Record, Vector, Whole, matrix
 from hapticmech_ros.numerics import Array
@@ -96,10 +96,9 @@ def test_what_kernels_write_to_fields_is_written() -> None:
     bench = Bench()
     write(bench, np.arange(1.0, 4.0))
     assert bench.values[[0, 11, 12, 13]].tolist() == [6.0, 2.0, 4.0, 6.0]
-    command = [sys.executable, "-c", "import test_records; test_records.compiled()"]
-    folder = Path(__file__).parent
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
-    assert json.loads(done.stdout) == bench.values.tolist()
+    program = "import test_records; test_records.compiled()"
+    printed = printed_by("-c", program, cwd=Path(__file__).parent)
+    assert json.loads(printed) == bench.values.tolist()
 
 
 def test_a_field_is_written_whole_or_not_at_all() -> None:

@@ -5,6 +5,7 @@
 import numpy as np
 import pytest
 
+from contact.test_felt import against_a_wall
 from hapticmech_ros import InvalidInputError, Session, load_scene
 from hapticmech_ros.scene import document_of, scene_from_document
 from oracles import closed_form
@@ -175,16 +176,11 @@ def test_the_arm_is_stable_with_other_delays(delay):
 # ---- the session itself ----
 
 
-@pytest.mark.parametrize("name", ["five_bar", "spatial_arm"])
-def test_a_session_repeats_to_the_bit(name):
-    one, again = (Session(load_scene(name)).run(500).rows for _ in range(2))
-    assert one.tobytes() == again.tobytes()
-
-
-def test_two_sessions_side_by_side_do_not_disturb_each_other():
-    scene = load_scene("two_link")
+@pytest.mark.parametrize("name", ["two_link", "five_bar", "spatial_arm", "with contacts"])
+def test_sessions_side_by_side_are_the_same_to_the_bit(name):
+    scene = against_a_wall() if name == "with contacts" else load_scene(name)
     one, other = Session(scene), Session(scene)
-    for tick in range(300):
+    for tick in range(500):
         assert one.run(1).rows.tobytes() == other.run(1).rows.tobytes(), tick
 
 
@@ -218,14 +214,14 @@ def test_with_full_feedforward_the_joint_constraint_has_next_to_nothing_left_to_
     assert size(helped) < 0.02 * size(reference)
 
 
-def test_commands_act_after_the_delay():
+@pytest.mark.parametrize("delay", [0, 2])
+def test_commands_act_after_the_delay(delay):
     scene = changed("two_link")
-    for delay in (0, 2):
-        run = SessionRun(scene, 0.26, delay)
-        begin = int(np.argmax(run.of(lambda s: s.hand_wrench[0]) != 0.0))
-        moving = run.of(lambda s: np.linalg.norm(s.mechanism.v)) > 0.0
-        # Measured at tick k, acting from k + delay on, seen at the end of that period.
-        assert int(np.argmax(moving)) == begin + delay + 1
+    run = SessionRun(scene, 0.26, delay)
+    begin = int(np.argmax(run.of(lambda s: s.hand_wrench[0]) != 0.0))
+    moving = run.of(lambda s: np.linalg.norm(s.mechanism.v)) > 0.0
+    # Measured at tick k, acting from k + delay on, seen at the end of that period.
+    assert int(np.argmax(moving)) == begin + delay + 1
 
 
 def test_loops_can_be_switched_between_ticks():
@@ -243,14 +239,15 @@ def test_a_loop_too_far_open_is_not_closed():
         session.switch_closure("ground_pin", closed=True)
 
 
-@pytest.mark.parametrize("delay", [-1, -3])
-def test_a_negative_delay_is_refused(delay):
-    with pytest.raises(InvalidInputError, match="command_delay"):
-        Session(load_scene("two_link"), command_delay=delay)
-
-
-def test_an_unknown_point_or_closure_is_refused():
-    with pytest.raises(InvalidInputError, match="operational point"):
-        Session(load_scene("two_link"), point="tip")
-    with pytest.raises(InvalidInputError, match="closure"):
-        Session(load_scene("five_bar")).switch_closure("loop", closed=True)
+@pytest.mark.parametrize(
+    ("begin", "rule"),
+    [
+        (lambda scene: Session(scene, point="tip"), "operational point"),
+        (lambda scene: Session(scene).switch_closure("loop", closed=True), "closure"),
+        (lambda scene: Session(scene, command_delay=-1), "command_delay"),
+        (lambda scene: Session(scene, command_delay=-3), "command_delay"),
+    ],
+)
+def test_unknown_points_and_closures_and_negative_delays_are_refused(begin, rule):
+    with pytest.raises(InvalidInputError, match=rule):
+        begin(load_scene("five_bar"))

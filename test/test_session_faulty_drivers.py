@@ -102,29 +102,23 @@ def _still(driver, sample, before):
     sample[POSITION], sample[QUATERNION] = before[POSITION], before[QUATERNION]
 
 
-def _millimetres(driver, sample, before):
-    sample[POSITION] *= 1e3
-    sample[TWIST][:3] *= 1e3
+def _scaled(place=1.0, line=1.0, turn=1.0):
+    """Return a fault by which places and velocities are so many times as large."""
+
+    def fault(driver, sample, before):
+        sample[POSITION] *= place
+        sample[TWIST] *= np.repeat((line, turn), 3)
+
+    return fault
 
 
-def _millimetre_poses(driver, sample, before):
-    sample[POSITION] *= 1e3
+def _swapped(part):
+    """Return a fault by which x and y of a part of the sample are each other's."""
 
+    def fault(driver, sample, before):
+        sample[part][:2] = sample[part][1::-1].copy()
 
-def _millimetre_twists(driver, sample, before):
-    sample[TWIST][:3] *= 1e3
-
-
-def _swapped(driver, sample, before):
-    sample[POSITION][:2] = sample[POSITION][1::-1].copy()
-
-
-def _swapped_twists(driver, sample, before):
-    sample[TWIST][:2] = sample[TWIST][1::-1].copy()
-
-
-def _backward_twists(driver, sample, before):
-    sample[TWIST] *= -1.0
+    return fault
 
 
 FAULTS = {
@@ -132,12 +126,12 @@ FAULTS = {
     "an encoder wraps": _wrapped,
     "turns": _turned,
     "pose stands still": _still,
-    "millimetres": _millimetres,
-    "poses in millimetres": _millimetre_poses,
-    "twists in mm/s": _millimetre_twists,
-    "swapped axes": _swapped,
-    "swapped axes of the twist": _swapped_twists,
-    "the twist's sign": _backward_twists,
+    "millimetres": _scaled(1e3, 1e3),
+    "poses in millimetres": _scaled(1e3),
+    "twists in mm/s": _scaled(line=1e3),
+    "swapped axes": _swapped(POSITION),
+    "swapped axes of the twist": _swapped(TWIST),
+    "the twist's sign": _scaled(line=-1.0, turn=-1.0),
 }
 
 

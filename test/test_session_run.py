@@ -317,20 +317,6 @@ def own_hand(scene, calls):
     return device_for(scene, law=own_law)
 
 
-@pytest.mark.parametrize(
-    "scene", [load_scene("five_bar"), connected("spatial_arm")], ids=lambda scene: scene.name
-)
-def test_a_hand_in_python_takes_the_place_of_the_scenes(scene):
-    calls = []
-    expected = Session(scene).run(400, hand_wrench=PUSH)
-    run = Session(scene, device=own_hand(scene, calls)).run(400, hand_wrench=PUSH)
-    # Once in every substep, and at the end of every period, from the hand's start on.
-    held = 400 - round(scene.hand.start_delay / scene.simulation.period)
-    assert len(calls) >= held * (scene.device.substeps + 1)
-    assert np.abs(run["device_position"] - expected["device_position"]).max() < 1e-12
-    assert np.abs(run["on_hand"] - expected["on_hand"]).max() < 1e-9
-
-
 class Lent:
     """A device of one's own: nothing but what a session asks of it, around a scene's."""
 
@@ -340,15 +326,21 @@ class Lent:
         self.compensation, self.sensed = self._device.compensation, self._device.sensed
 
 
-@pytest.mark.parametrize("name", ["five_bar", "spatial_arm"])
-def test_a_device_in_python_takes_the_place_of_the_scenes(name):
-    scene = load_scene(name)
+@pytest.mark.parametrize(
+    "scene", [*map(load_scene, ("five_bar", "spatial_arm")), connected("spatial_arm")]
+)
+def test_hands_and_devices_in_python_take_the_place_of_the_scenes(scene):
+    calls = []
     expected = Session(scene).run(400, hand_wrench=PUSH)
-    session = Session(scene, device=Lent(scene))
-    run = session.run(400, hand_wrench=PUSH)
-    assert np.abs(run["device_position"] - expected["device_position"]).max() < 1e-12
-    assert np.abs(run["on_hand"] - expected["on_hand"]).max() < 1e-9
-    assert session.compensation.shape == (6,)
+    for device in (own_hand(scene, calls), Lent(scene)):
+        session = Session(scene, device=device)
+        run = session.run(400, hand_wrench=PUSH)
+        assert np.abs(run["device_position"] - expected["device_position"]).max() < 1e-12
+        assert np.abs(run["on_hand"] - expected["on_hand"]).max() < 1e-9
+        assert session.compensation.shape == (6,)
+    # Once in every substep, and at the end of every period, from the hand's start on.
+    held = 400 - round(scene.hand.start_delay / scene.simulation.period)
+    assert len(calls) >= held * (scene.device.substeps + 1)
 
 
 class Doubled(ImpedanceDevice):

@@ -110,20 +110,24 @@ def test_a_device_that_nobody_holds_is_nothing_to_feel(monkeypatch):
         assert one.error(10.0) < np.pi * 10.0 * 0.001
 
 
-def test_what_cannot_be_measured_is_refused(tmp_path):
+@pytest.mark.parametrize(
+    ("changes", "point", "rule"),
+    [
+        ({}, "c", r"must be one of several.*'c'"),
+        ({"hands": [{"point": "a"}]}, "a", "must be one of several points"),
+        ({"simulation": {"period": 0.01}}, "a", r"simulation\.period"),
+    ],
+)
+def test_what_cannot_be_measured_is_refused(changes, point, rule):
+    with pytest.raises(InvalidInputError, match=rule):
+        felt_beside_others(scene_from_document(document(HOLDS)).with_(**changes), point)
+
+
+def test_a_hand_that_is_no_arm_cannot_be_measured(tmp_path):
     (tmp_path / "push.csv").write_text("time,fx,fy,fz,tx,ty,tz\n0,1,0,0,0,0,0\n", encoding="utf-8")
     scripted = {"kind": "scripted", "file": str(tmp_path / "push.csv")}
-    scene = scene_from_document(document(scripted))
     with pytest.raises(InvalidInputError, match=r"must be an arm.*'scripted'"):
-        felt_beside_others(scene, "a")
-    with pytest.raises(InvalidInputError, match=r"must be one of several.*'c'"):
-        felt_beside_others(scene, "c")
-    alone = scene.with_(hands=[{"point": "a"}])
-    with pytest.raises(InvalidInputError, match="must be one of several points"):
-        felt_beside_others(alone, "a")
-    slow = scene_from_document(document(HOLDS)).with_(simulation={"period": 0.01})
-    with pytest.raises(InvalidInputError, match=r"simulation\.period"):
-        felt_beside_others(slow, "a")
+        felt_beside_others(scene_from_document(document(scripted)), "a")
 
 
 def test_the_command_prints_writes_and_draws(tmp_path, monkeypatch):

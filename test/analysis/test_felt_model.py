@@ -21,6 +21,7 @@ from hapticmech_ros.control.measurements import operational_model_of
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.simulation import Simulator
+from oracles.running import varied
 from sampling import sampled
 
 FREQUENCIES = np.array(FREQUENCIES_HZ, dtype=float)
@@ -47,32 +48,30 @@ def test_the_model_says_what_is_measured(name, local, delay):
         assert one.model_error(30.0) < BOUND
 
 
-def with_device(scene, **changes):
-    return scene.model_copy(update={"device": scene.device.model_copy(update=changes)})
-
-
 def test_the_devices_damping_and_substeps_and_filter_are_in_it():
-    scene = with_device(load_scene("two_link"), damping=2.0, angular_damping=1e-3, substeps=2)
+    scene = varied(
+        load_scene("two_link"), device={"damping": 2.0, "angular_damping": 1e-3, "substeps": 2}
+    )
     for one in felt(scene):
         assert one.model_error(85.0) < BOUND
         # 2 N s/m on 2 kg are felt, though the position channel shares them with the mechanism.
         assert one.error(1.0) > 0.04
     # Steps of 1 nm are below what the filter of the twist lets through of a push.
-    for one in felt(with_device(scene, position_resolution=1e-9, angle_resolution=1e-8)):
+    for one in felt(varied(scene, device={"position_resolution": 1e-9, "angle_resolution": 1e-8})):
         assert one.model_error(30.0) < BOUND
 
 
-def test_the_devices_substeps_are_nothing_to_feel():
+@pytest.mark.parametrize("name", ["peg_in_hole", "door"])
+def test_the_devices_substeps_are_nothing_to_feel(name):
     """A device without a damper moves as under the mean of what acts, however it is divided."""
-    for name, most in (("peg_in_hole", 1e-12), ("door", 1e-12)):
-        found = []
-        for substeps in (1, 7):
-            model = felt_model(with_device(load_scene(name), substeps=substeps), delay=0)
-            found.append(model.ratio(np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]), FREQUENCIES))
-        assert np.abs(found[0] / found[1] - 1.0).max() < most
+    devices = ({"substeps": substeps} for substeps in (1, 7))
+    models = (felt_model(varied(load_scene(name), device=one), delay=0) for one in devices)
+    one, other = (model.ratio(np.eye(6)[0], FREQUENCIES) for model in models)
+    assert np.abs(one / other - 1.0).max() < 1e-12
 
 
-def test_half_a_period_of_delay_is_carried_on_but_for_the_third_order():
+@pytest.mark.parametrize("period", [1e-3, 5e-4])
+def test_half_a_period_of_delay_is_carried_on_but_for_the_third_order(period):
     """(F̄ - what is known of it) / F (m / m_d - 1), of a body that hangs on nothing.
 
     F by the weights of Adams and Bashforth, but for what W lacks of 1.
@@ -82,25 +81,24 @@ def test_half_a_period_of_delay_is_carried_on_but_for_the_third_order():
     scene, direction = load_scene("peg_in_hole"), np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     nothing = ("stiffness", "damping", "angular_stiffness", "angular_damping")
     channel = {"position_channel": dict.fromkeys(nothing, 0.0)}
-    scene = with_device(scene, mass=0.02, inertia=4e-6).with_(controller=channel)
+    scene = varied(scene, device={"mass": 0.02, "inertia": 4e-6}).with_(controller=channel)
     hertz = np.array([5.0, 10.0, 20.0])
-    for period in (1e-3, 5e-4):
-        model = felt_model(scene.with_(simulation={"period": period}))
-        mass = 1.0 / (direction @ model.mechanism.analysis.inverse_inertia @ direction)
-        turn = np.exp(2j * np.pi * hertz * period)
-        late, square = 1.0 - 1.0 / turn, (scene.device.mass / mass) ** 2
-        weight = (1.0 - 1.6 * square) / (1.0 + 2.0 * square)
-        mean = (turn - 1.0) / np.log(turn)
-        whole, wanted = (
-            np.abs(mean - 1.0 - 0.5 * late - one * 5.0 / 12.0 * late**2)
-            * (mass / scene.device.mass - 1.0)
-            for one in (1.0, weight)
-        )
-        error = np.abs(model.ratio(direction, hertz) - 1.0)
-        third = 0.375 * (2.0 * np.pi * hertz * period) ** 3 * (mass / scene.device.mass - 1.0)
-        assert whole == pytest.approx(third, rel=0.05)
-        assert error == pytest.approx(wanted, rel=0.05, abs=1e-5)
-        assert wanted[-1] > 1e-3
+    model = felt_model(scene.with_(simulation={"period": period}))
+    mass = 1.0 / (direction @ model.mechanism.analysis.inverse_inertia @ direction)
+    turn = np.exp(2j * np.pi * hertz * period)
+    late, square = 1.0 - 1.0 / turn, (scene.device.mass / mass) ** 2
+    weight = (1.0 - 1.6 * square) / (1.0 + 2.0 * square)
+    mean = (turn - 1.0) / np.log(turn)
+    whole, wanted = (
+        np.abs(mean - 1.0 - 0.5 * late - one * 5.0 / 12.0 * late**2)
+        * (mass / scene.device.mass - 1.0)
+        for one in (1.0, weight)
+    )
+    error = np.abs(model.ratio(direction, hertz) - 1.0)
+    third = 0.375 * (2.0 * np.pi * hertz * period) ** 3 * (mass / scene.device.mass - 1.0)
+    assert whole == pytest.approx(third, rel=0.05)
+    assert error == pytest.approx(wanted, rel=0.05, abs=1e-5)
+    assert wanted[-1] > 1e-3
 
 
 @pytest.mark.parametrize("name", ["spatial_arm", "ur5e", "door"])
@@ -155,7 +153,8 @@ def test_a_swing_without_dampers_does_not_grow_by_itself():
         assert one.bandwidth == 85.0
 
 
-def test_springs_beyond_the_stability_limit_grow_in_the_model():
+@pytest.mark.parametrize(("share", "grows"), [(0.9, False), (1.1, True)])
+def test_springs_beyond_the_stability_limit_grow_in_the_model(share, grows):
     """The bound of the loop without what the mechanism does by itself, which only damps here."""
     scene = load_scene("five_bar")
     model = felt_model(scene)
@@ -165,20 +164,16 @@ def test_springs_beyond_the_stability_limit_grow_in_the_model():
         model.mechanism.analysis.rows,
         scene.simulation.period,
     )
-    for share, grows in ((0.9, False), (1.1, True)):
-        controller, factor = scene.controller, share * margins.gain
-        changed = {
-            part: getattr(controller, part).model_copy(
-                update={
-                    name: factor * value
-                    for name, value in getattr(controller, part).model_dump().items()
-                    if name.endswith(("stiffness", "damping"))
-                }
-            )
-            for part in ("joint_constraint", "position_channel")
+    controller, factor = scene.controller, share * margins.gain
+    changed = {
+        part: {
+            name: factor * value
+            for name, value in getattr(controller, part).model_dump().items()
+            if name.endswith(("stiffness", "damping"))
         }
-        scaled = scene.model_copy(update={"controller": controller.model_copy(update=changed)})
-        assert (felt_model(scaled).growth > 1.0 + 1e-6) is grows
+        for part in ("joint_constraint", "position_channel")
+    }
+    assert (felt_model(varied(scene, controller=changed)).growth > 1.0 + 1e-6) is grows
 
 
 @pytest.mark.parametrize(
@@ -236,17 +231,17 @@ def held_growth(scene, delay, periods, mass, leads=lead_gains):
     return np.abs(np.linalg.eigvals(step)).max()
 
 
+@pytest.mark.parametrize("mass", [0.05, 1.0, 20.0])
 @pytest.mark.parametrize(
     ("name", "delay"), [(name, k) for name in shipped_scenes() for k in sampled((1, 3), name)]
 )
-def test_neither_lead_nor_past_rates_make_a_loop_with_a_mass_less_stable(name, delay):
+def test_neither_lead_nor_past_rates_make_a_loop_with_a_mass_less_stable(name, delay, mass):
     """The whole loop, position channel and delay compensation included, unlike the linear one."""
     scene = load_scene(name)
     scene = scene.held_at(scene.held_points[0])
-    for mass in (0.05, 1.0, 20.0):
-        without = held_growth(scene, delay, 0, mass, lambda gain: (0.0 * gain, 0.0 * gain))
-        with_both = held_growth(scene, delay, periods_before(scene, delay), mass)
-        assert with_both <= max(without, 1.0) + 1e-7
+    without = held_growth(scene, delay, 0, mass, lambda gain: (0.0 * gain, 0.0 * gain))
+    with_both = held_growth(scene, delay, periods_before(scene, delay), mass)
+    assert with_both <= max(without, 1.0) + 1e-7
 
 
 def test_without_its_weight_the_lead_would_make_one_unstable():

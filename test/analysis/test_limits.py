@@ -15,6 +15,7 @@ from hapticmech_ros.analysis.limits import MPoint, Wall, cases_of, m_width, m_wi
 from hapticmech_ros.analysis.scene_variants import with_constraint, with_loop
 from hapticmech_ros.analysis.touch import Setup
 from hapticmech_ros.errors import InvalidInputError
+from oracles.running import varied
 from sampling import sampled
 
 
@@ -53,25 +54,25 @@ def test_a_hand_that_holds_makes_walls_stiffer_as_eigenvalues_say():
     assert held.measured > 1.3 * alone.measured
 
 
-def test_the_rule_with_delay_holds_for_little_damping_only():
+@pytest.mark.parametrize("delay", [1, 2, 5, 10, 20])
+def test_the_rule_with_delay_holds_for_little_damping_only(delay):
     """To 10 % at a tenth of the damping that is unstable by itself; too much by half at 0.7."""
     wall = Wall(late("five_bar"))
-    for delay in (1, 2, 5, 10, 20):
-        most = wall.most_damping(delay)
-        latency = (delay + 0.5) * 1e-3
-        little = wall.predicted(0.1 * most, delay, "nobody") * latency / (0.1 * most)
-        much = wall.predicted(0.7 * most, delay, "nobody") * latency / (0.7 * most)
-        assert 0.9 < little < 1.0
-        assert 0.4 < much < 0.6
+    most = wall.most_damping(delay)
+    latency = (delay + 0.5) * 1e-3
+    little = wall.predicted(0.1 * most, delay, "nobody") * latency / (0.1 * most)
+    much = wall.predicted(0.7 * most, delay, "nobody") * latency / (0.7 * most)
+    assert 0.9 < little < 1.0
+    assert 0.4 < much < 0.6
 
 
-def test_without_units_all_walls_are_one():
+@pytest.mark.parametrize("delay", [1, 2, 10, 30])
+def test_without_units_all_walls_are_one(delay):
     """K τ² / m at 0.6 of the largest damping: 0.55, whatever the delay, from one period on."""
     wall = Wall(late("door"))
-    for delay in (1, 2, 10, 30):
-        tau = (delay + 0.5) * 1e-3
-        stiffness = wall.predicted(0.6 * wall.most_damping(delay), delay, "nobody")
-        assert stiffness * tau**2 / wall.mass == pytest.approx(0.55, abs=0.02)
+    tau = (delay + 0.5) * 1e-3
+    stiffness = wall.predicted(0.6 * wall.most_damping(delay), delay, "nobody")
+    assert stiffness * tau**2 / wall.mass == pytest.approx(0.55, abs=0.02)
 
 
 @pytest.mark.parametrize(("local", "delay"), [(True, 1), (False, 3)])
@@ -88,11 +89,8 @@ def test_the_lightest_mechanism_is_the_rules_whatever_the_delay(local, delay):
         return np.abs(np.roots([1.0, *(0.5 * (ratio - 1.0) * np.array(told))])).max() - 1.0
 
     damped = with_loop(load_scene("spatial_arm"), local)
-    joints = [
-        link.model_copy(update={"joint": link.joint.model_copy(update={"damping": 0.0})})
-        for link in damped.links
-    ]
-    for scene, near in ((damped.model_copy(update={"links": tuple(joints)}), 0.02), (damped, 0.06)):
+    links = tuple(varied(link, joint={"damping": 0.0}) for link in damped.links)
+    for scene, near in ((varied(damped, links=links), 0.02), (damped, 0.06)):
         found = m_width(scene, delay=delay, share=1.0)
         assert found.measured == pytest.approx(found.predicted, rel=near)
         lightest = 1.0 / brentq(grows, 1.5, 6.0) if local else found.rule

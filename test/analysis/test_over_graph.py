@@ -51,12 +51,14 @@ def test_samples_out_of_order_or_twice_are_refused(swapped):
         from_the_push_on(1e-3 * np.array(order), pushes, still, 1e-3)
 
 
-def test_a_graph_without_a_push_or_too_slow_is_refused():
-    stamps, pushes = 2e-3 * np.arange(3000), np.full((3000, 6), 0.1)
-    with pytest.raises(FeelGraphError, match="no hand wrench"):
-        from_the_push_on(stamps, 0.0 * pushes, pushes, 2e-3)
-    with pytest.raises(FeelGraphError, match="kept 500 of 1000 samples per second"):
-        from_the_push_on(stamps, pushes, pushes, 1e-3)
+@pytest.mark.parametrize(
+    ("push", "period", "rule"),
+    [(0.0, 2e-3, "no hand wrench"), (0.1, 1e-3, "kept 500 of 1000 samples per second")],
+)
+def test_a_graph_without_a_push_or_too_slow_is_refused(push, period, rule):
+    stamps, still = 2e-3 * np.arange(3000), np.zeros((3000, 6))
+    with pytest.raises(FeelGraphError, match=rule):
+        from_the_push_on(stamps, still + push, still, period)
 
 
 def test_a_scene_that_cannot_be_measured_costs_the_others_nothing(monkeypatch):

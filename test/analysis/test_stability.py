@@ -28,6 +28,7 @@ from hapticmech_ros.control.loop_stability import ON_CIRCLE, lead_gains, loop_te
 from hapticmech_ros.control.measurements import operational_model_of
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.loading import shipped_scenes
+from oracles.running import varied
 from sampling import sampled
 
 
@@ -88,14 +89,8 @@ def test_carrying_the_hand_s_wrench_on_makes_no_loop_less_stable(name, monkeypat
 def test_it_moves_as_a_session_does(local):
     """A spring hand and three periods of delay; what differs is of second order in the motion."""
     scene = with_loop(at_once(held_still(load_scene("scissor_lift"))), local)
-    scene = scene.model_copy(update={"gravity": (0.0, 0.0, 0.0), "springs": ()})
-    links = [
-        link.model_copy(
-            update={"joint": link.joint.model_copy(update={"damping": 0.0, "effort": 0.0})}
-        )
-        for link in scene.links
-    ]
-    scene = scene.model_copy(update={"links": tuple(links)})
+    links = tuple(varied(link, joint={"damping": 0.0, "effort": 0.0}) for link in scene.links)
+    scene = varied(scene, gravity=(0.0, 0.0, 0.0), springs=(), links=links)
     delay, n = 3, 3
     matrix = matrix_of(scene, delay, held_by(scene))
     rows, push = directions(scene).analysis.rows, np.array([1e-3, 1e-3, 0, 0, 0, 1e-5])
@@ -147,30 +142,40 @@ def test_a_scene_on_another_device_has_its_figures_and_keeps_its_gains():
         with_device(scene, "mine")
 
 
-def test_rules_by_hand():
-    assert rules.passive_stiffness(3.0, 1.0, 1e-3) == pytest.approx(4000.0)
-    assert rules.passive_stiffness(1.0, 3.0, 1e-3) == 0.0
-    assert rules.delayed_stiffness(1.0, 3.0, 1e-3, 1.5e-3) == pytest.approx(2000.0)
-    assert rules.quantised_stiffness(1.0, 0.02, 1e-3, 4e-5) == pytest.approx(1000.0)
-    assert rules.quantised_stiffness(1.0, 0.02, 1e-3, 0.0) == pytest.approx(2000.0)
-    assert rules.lightest_mass(0.3, 0.3) == pytest.approx(0.1)
-    for call in (
-        lambda: rules.passive_stiffness(-1.0, 1.0, 1e-3),
-        lambda: rules.delayed_stiffness(1.0, 1.0, 0.0, 1e-3),
-        lambda: rules.quantised_stiffness(1.0, -0.5, 1e-3, 1e-5),
-        lambda: rules.lightest_mass(0.0, 1.0),
-    ):
-        with pytest.raises(InvalidInputError, match=r"0 or more|above 0"):
-            call()
+@pytest.mark.parametrize(
+    ("found", "expected"),
+    [
+        (rules.passive_stiffness(3.0, 1.0, 1e-3), 4000.0),
+        (rules.passive_stiffness(1.0, 3.0, 1e-3), 0.0),
+        (rules.delayed_stiffness(1.0, 3.0, 1e-3, 1.5e-3), 2000.0),
+        (rules.quantised_stiffness(1.0, 0.02, 1e-3, 4e-5), 1000.0),
+        (rules.quantised_stiffness(1.0, 0.02, 1e-3, 0.0), 2000.0),
+        (rules.lightest_mass(0.3, 0.3), 0.1),
+    ],
+)
+def test_rules_by_hand(found, expected):
+    assert found == pytest.approx(expected, rel=1e-6, abs=0.0)
+
+
+@pytest.mark.parametrize(
+    ("rule", "given"),
+    [
+        (rules.passive_stiffness, (-1.0, 1.0, 1e-3)),
+        (rules.delayed_stiffness, (1.0, 1.0, 0.0, 1e-3)),
+        (rules.quantised_stiffness, (1.0, -0.5, 1e-3, 1e-5)),
+        (rules.lightest_mass, (0.0, 1.0)),
+    ],
+)
+def test_numbers_that_no_rule_takes_are_refused(rule, given):
+    with pytest.raises(InvalidInputError, match=r"0 or more|above 0"):
+        rule(*given)
 
 
 def hum(stiffness, physical, friction, speed):
     """Return how far a device still moves, in encoder steps, half a second after a touch."""
     step = 2e-5
-    scene = load_scene("door")
-    changes = {"damping": physical, "position_resolution": step, "substeps": 16}
-    changes["coulomb_friction"] = friction
-    scene = scene.model_copy(update={"device": scene.device.model_copy(update=changes)})
+    changes = {"damping": physical, "coulomb_friction": friction, "substeps": 16}
+    scene = varied(load_scene("door"), device=changes | {"position_resolution": step})
     scene = with_constraint(without_channel(at_once(held_by_nobody(scene))), stiffness, 0.0)
     session = Setup(scene, delay=0).session()
     # The door is held along z.
@@ -210,13 +215,12 @@ def test_a_frontier_is_found_from_either_side():
         frontier(lambda value: True, 1.0, 0.0, 1.0)
 
 
-def test_what_stays_as_large_is_not_stable():
-    assert Touched(1.0, 0.97).stable
-    assert not Touched(1.0, 1.0).stable
-    assert not Touched(np.inf, np.inf).stable
-    assert Touched(1e-12, 1e-11).stable
-    with pytest.raises(InvalidInputError, match=r"ticks.*20 or more.*got 3"):
-        touched(Setup(load_scene("two_link")), np.zeros(6), lambda sample: np.zeros(1), 3, 1.0)
+@pytest.mark.parametrize(
+    ("first", "last", "stable"),
+    [(1.0, 0.97, True), (1.0, 1.0, False), (np.inf, np.inf, False), (1e-12, 1e-11, True)],
+)
+def test_what_stays_as_large_is_not_stable(first, last, stable):
+    assert Touched(first, last).stable == stable
 
 
 def test_scaled_scenes_have_scaled_inertia_and_the_same_constraints():
@@ -234,6 +238,10 @@ def test_scaled_scenes_have_scaled_inertia_and_the_same_constraints():
         (lambda scene: at_rate(scene, 1.0), r"rate.*10 Hz.*got 1\.0"),
         (lambda scene: with_constraint(scene, -1.0, 0.0), r"stiffness.*0 or more.*got -1\.0"),
         (lambda scene: matrix_of(scene, -1), r"delay.*0 or more.*got -1"),
+        (
+            lambda scene: touched(Setup(scene), np.zeros(6), lambda _: np.zeros(1), 3, 1.0),
+            r"ticks.*20 or more.*got 3",
+        ),
     ],
 )
 def test_what_cannot_be_is_refused(change, message):

@@ -14,12 +14,6 @@ from hapticmech_ros.analysis.scene_variants import with_loop
 from hapticmech_ros.errors import InvalidInputError
 from sampling import only_long, sampled
 
-
-def at_period(scene, period):
-    simulation = scene.simulation.model_copy(update={"period": period})
-    return scene.model_copy(update={"simulation": simulation})
-
-
 # To 10 and to 30 Hz. Left of dampers is (ω τ / 2) (τ d / I) / (1 + τ d / I): d / I is 4, 34,
 # 51 and 190 per s, τ 3 ms; and of the hand's wrench, 3/8 (ω T)³ (m / m_d - 1): the arm of 373 kg on
 # a device of 0.3 kg.
@@ -59,7 +53,7 @@ def test_what_is_left_falls_with_the_period():
     """Second order and more: transparent in the limit, 0.1 % at 30 Hz at 4 kHz."""
     scene = load_scene("five_bar")
     periods = (1e-3, 5e-4, *only_long(2.5e-4))
-    runs = [felt(at_period(scene, period)) for period in periods]
+    runs = [felt(scene.stepped(period=period)) for period in periods]
     for direction in range(2):
         errors = [run[direction].steady_error(10.0) for run in runs]
         assert (np.log2(np.divide(errors[:-1], errors[1:])) > 1.9).all()
@@ -87,7 +81,7 @@ def test_bandwidth_and_errors_of_a_ratio():
 @pytest.mark.parametrize("period", [0.0003, 0.005])
 def test_periods_that_cannot_be_measured_are_refused(period):
     with pytest.raises(InvalidInputError, match="must divide 1 s"):
-        felt(at_period(load_scene("five_bar"), period))
+        felt(load_scene("five_bar").stepped(period=period))
 
 
 def test_the_command_writes_table_file_and_picture(tmp_path):

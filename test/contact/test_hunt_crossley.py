@@ -2,12 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Damping in proportion to the push: rest, energy, and what scenes may say."""
 
-import numpy as np
 import pytest
 
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.scene import scene_from_document
-from oracles.touching import G, held, on_floor, run
+from oracles.touching import G, on_floor, run_with_energies
 
 
 def law(dissipation, stiffness=1e4):
@@ -19,8 +18,7 @@ def law(dissipation, stiffness=1e4):
 def test_it_rests_where_springs_carry_it_and_is_stable(dissipation, stiffness):
     document = on_floor("box", 0.06, mass=0.1)
     document["contacts"][0] |= law(dissipation, stiffness)
-    sim, states = run(document, 3.0, 10)
-    energies = np.array([held(sim, state) for state in states])
+    _, states, energies = run_with_energies(document, 3.0, 10)
     assert energies.max() <= energies[0] + 1e-12
     assert states[-1].q[2] == pytest.approx(0.05 - 0.1 * G / (4.0 * stiffness), abs=1e-5)
 

@@ -105,14 +105,14 @@ def test_the_solver_always_gets_there(name):
     assert max(found.residual for found in touched) < 1e-8 * (2.0 * fastest + 2e-3 * G)
 
 
-def test_sweeps_help_where_newton_does_not_end():
+@pytest.mark.parametrize(("period", "needed"), [(1e-2, True), (1e-3, False)])
+def test_sweeps_help_where_newton_does_not_end(period, needed):
     """With steps of 10 ms; at 1 ms nothing needs them."""
-    for period, needed in ((1e-2, True), (1e-3, False)):
-        document = corner(1.5)
-        document["simulation"]["period"] = period
-        _, states = run(document, 0.5)
-        assert any(state.touching.sweeps for state in states[1:]) == needed
-        assert max(state.touching.residual for state in states[1:]) < 1e-6
+    document = corner(1.5)
+    document["simulation"]["period"] = period
+    _, states = run(document, 0.5)
+    assert any(state.touching.sweeps for state in states[1:]) == needed
+    assert max(state.touching.residual for state in states[1:]) < 1e-6
 
 
 def unsolved(period):

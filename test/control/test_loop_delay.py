@@ -57,7 +57,11 @@ def test_the_rule_softens_springs_that_cross_a_declared_network(tmp_path):
     assert load_scene(file, 0.0, 0.05).connection.expected == 0.05
 
 
-def answers_at_once(connection):
+@pytest.mark.parametrize(
+    ("connection", "at_once"),
+    [(Connection(), True), (Connection(expected=0.05), True), (Connection(delay=0.05), False)],
+)
+def test_what_is_declared_is_not_simulated(connection, at_once):
     scene = over(connection)
     side = RenderingController(ControlArchitecture(scene), scene.simulation.period, connection)
     inputs = ControllerInput(
@@ -65,13 +69,7 @@ def answers_at_once(connection):
     )
     inputs.operational_model[OperationalModelSample.layout.slice("quaternion").stop - 1] = 1.0
     clutch = side.control.engage(0.0, inputs.device, inputs.operational_model, 0.0)
-    return side.tick(inputs, clutch, corrects=True) is not None
-
-
-def test_what_is_declared_is_not_simulated():
-    assert answers_at_once(Connection())
-    assert answers_at_once(Connection(expected=0.05))
-    assert not answers_at_once(Connection(delay=0.05))
+    assert (side.tick(inputs, clutch, corrects=True) is not None) == at_once
 
 
 def test_an_estimate_is_high_in_the_jitter_and_forgets_hiccups():
@@ -160,11 +158,17 @@ def test_gains_pass_to_another_delay_without_a_bump():
     assert control.aim == (scene.controller, 0.05)
 
 
-def test_jitter_is_waited_for_but_not_for_long():
-    assert jitter_allowance(Connection()) == 0.0
-    assert jitter_allowance(Connection(delay=0.05, jitter=0.2)) == 0.0  # simulated: not silence
-    assert jitter_allowance(Connection(expected=0.01)) == pytest.approx(0.002)
-    assert jitter_allowance(Connection(expected=0.05)) == 0.005
+@pytest.mark.parametrize(
+    ("connection", "allowed"),
+    [
+        (Connection(), 0.0),
+        (Connection(delay=0.05, jitter=0.2), 0.0),  # simulated: not silence
+        (Connection(expected=0.01), 0.002),
+        (Connection(expected=0.05), 0.005),
+    ],
+)
+def test_jitter_is_waited_for_but_not_for_long(connection, allowed):
+    assert jitter_allowance(connection) == pytest.approx(allowed, rel=1e-15, abs=0.0)
 
 
 @pytest.mark.parametrize("delay", [0.01, 0.05])

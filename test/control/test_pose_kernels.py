@@ -94,8 +94,8 @@ def test_a_pose_is_carried_on_as_before(duration):
         assert np.abs(found.position - expected.translation).max() < CLOSE
 
 
-def test_a_pose_at_rest_or_at_once_stays_to_the_bit():
+@pytest.mark.parametrize(("twist", "duration"), [(np.zeros(6), 0.3), (np.ones(6), 0.0)])
+def test_a_pose_at_rest_or_at_once_stays_to_the_bit(twist, duration):
     place, found = pin.SE3ToXYZQUAT(pin.SE3.Random()), Pose()
-    for twist, duration in ((np.zeros(6), 0.3), (np.ones(6), 0.0)):
-        carry_on(place[:3], place[3:], twist, duration, found)
-        assert (found.values == place).all()
+    carry_on(place[:3], place[3:], twist, duration, found)
+    assert (found.values == place).all()

@@ -21,22 +21,18 @@ def test_gains_are_found_by_name():
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "rule"),
+    ("name", "value", "words"),
     [
-        ("c2", 1.5, "less than or equal to 1"),
-        ("c6", -0.0 - 2.0, "greater than -1"),
-        ("constraint_stiffness", -3.0, "greater than or equal to 0"),
-        ("constraint_feedforward", float("nan"), "finite"),
+        ("c2", 1.5, "c2.*less than or equal to 1"),
+        ("c6", -2.0, "c6.*greater than -1"),
+        ("constraint_stiffness", -3.0, "constraint_stiffness.*greater than or equal to 0"),
+        ("constraint_feedforward", float("nan"), "constraint_feedforward.*finite"),
+        ("stiffness", 1.0, "constraint_stiffness.*got 'stiffness'"),
     ],
 )
-def test_gains_that_are_none_are_refused_by_name(name, value, rule):
-    with pytest.raises(InvalidInputError, match=f"{name}.*{rule}"):
+def test_gains_that_are_none_are_refused_by_name(name, value, words):
+    with pytest.raises(InvalidInputError, match=words):
         tuned(Controller(), {name: value})
-
-
-def test_an_unknown_name_is_told():
-    with pytest.raises(InvalidInputError, match=r"constraint_stiffness.*got 'stiffness'"):
-        tuned(Controller(), {"stiffness": 1.0})
 
 
 def test_gains_pass_in_a_straight_line():

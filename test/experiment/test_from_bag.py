@@ -11,6 +11,7 @@ import pytest
 from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.experiment import compare, record_from_bag
 from hapticmech_ros.experiment.summary import count_changes
+from oracles.running import varied
 
 VIEW = ("constraint_wrench", "kinetic", "potential", "work_in", "damping_loss", "closure_error")
 CONTROL = (
@@ -117,8 +118,8 @@ def test_lost_messages_leave_gaps(make_bag, scene, session_record):
 
 
 def test_cuts_before_the_hold_and_after_the_duration(make_bag, scene, session_record):
-    quick = scene.hand.model_copy(update={"start_delay": 0.1})
-    record = record_from_bag(make_bag(), scene.model_copy(update={"hand": quick}), duration=1.0)
+    quick = varied(scene, hand={"start_delay": 0.1})
+    record = record_from_bag(make_bag(), quick, duration=1.0)
     assert (record.times[0], record.times[-1]) == pytest.approx((-0.1, 1.0), abs=1e-12)
     assert (record.wrench_times[0], record.wrench_times[-1]) == pytest.approx(
         (-0.09, 0.99), abs=1e-12
@@ -193,10 +194,14 @@ def test_refuses_messages_that_break_rules(make_bag, scene, topic, spoil, messag
         record_from_bag(make_bag(change=change), scene)
 
 
-def test_unknown_point_and_no_bag(scene, tmp_path):
-    with pytest.raises(InvalidInputError, match="operational point"):
-        record_from_bag(tmp_path, scene, point="nose")
-    with pytest.raises(BagError, match="no bag at"):
-        record_from_bag(tmp_path / "nowhere", scene)
-    with pytest.raises(BagError, match="cut short"):
-        record_from_bag(tmp_path, scene)
+@pytest.mark.parametrize(
+    ("bag", "point", "error", "rule"),
+    [
+        (".", "nose", InvalidInputError, "operational point"),
+        ("nowhere", "", BagError, "no bag at"),
+        (".", "", BagError, "cut short"),
+    ],
+)
+def test_unknown_point_and_no_bag(scene, tmp_path, bag, point, error, rule):
+    with pytest.raises(error, match=rule):
+        record_from_bag(tmp_path / bag, scene, point=point)

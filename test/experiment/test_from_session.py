@@ -15,6 +15,7 @@ from hapticmech_ros.errors import InaccurateStepError, InvalidInputError
 from hapticmech_ros.experiment import SessionRecorder, run_session
 from hapticmech_ros.experiment.from_session import UnfinishedRunError
 from hapticmech_ros.session import Session
+from oracles.running import varied
 
 
 def test_time_zero_is_the_first_push(session_record, scene):
@@ -30,8 +31,7 @@ def test_time_zero_is_the_first_push(session_record, scene):
 @pytest.mark.parametrize("sensor", ["estimated", "absent"])
 def test_without_a_sensor_time_zero_is_where_the_hand_starts(scene, sensor):
     coarse = {"force_sensor": sensor, "position_resolution": 1e-6}
-    device = scene.device.model_copy(update=coarse)
-    record = run_session(scene.model_copy(update={"device": device}), 0.05)
+    record = run_session(varied(scene, device=coarse), 0.05)
     assert record.times[0] == pytest.approx(-scene.hand.start_delay, abs=1e-12)
     assert record.times[-1] == pytest.approx(0.05, abs=1e-12)
 
@@ -50,11 +50,8 @@ def test_holds_what_the_session_measured(session_record, samples):
 
 
 def test_feedforward_leaves_less_to_expect(scene):
-    gains = scene.controller.joint_constraint.model_copy(update={"feedforward": 0.75})
-    controller = scene.controller.model_copy(update={"joint_constraint": gains})
-    records = [
-        run_session(s, 0.01) for s in (scene, scene.model_copy(update={"controller": controller}))
-    ]
+    with_it = varied(scene, controller={"joint_constraint": {"feedforward": 0.75}})
+    records = [run_session(one, 0.01) for one in (scene, with_it)]
     plain, fed = (record.expected_wrench[record.times >= 0.0][0] for record in records)
     assert np.abs(plain).max() > 1e-3
     assert fed == pytest.approx(0.25 * plain, rel=1e-12)
@@ -82,8 +79,8 @@ def test_refuses_unknown_points_and_empty_records(scene):
 
 
 def test_a_hand_that_never_pushes_starts_after_its_delay(scene):
-    idle = scene.hand.model_copy(update={"force": (0.0, 0.0, 0.0), "torque": (0.0, 0.0, 0.0)})
-    record = run_session(scene.model_copy(update={"hand": idle}), 0.01)
+    idle = {"force": (0.0, 0.0, 0.0), "torque": (0.0, 0.0, 0.0)}
+    record = run_session(varied(scene, hand=idle), 0.01)
     assert record.times[0] == pytest.approx(-0.25, abs=1e-12)
 
 

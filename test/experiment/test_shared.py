@@ -3,6 +3,7 @@
 """The experiment of several users: records, spans, summary, figures, and the command."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -197,8 +198,17 @@ def test_the_command_does_it(tmp_path):
         ran(*arguments, "--push", "1,0,0")
 
 
-def test_of_no_bag_and_durations_errors_tell(scene, tmp_path):
-    with pytest.raises(BagError, match="no bag at"):
-        shared_record_from_bag(tmp_path / "nowhere", scene)
-    with pytest.raises(InvalidInputError, match="duration: must be a positive"):
-        run_shared_session(scene, 0.0)
+@pytest.mark.parametrize(
+    ("make", "error", "rule"),
+    [
+        (lambda scene: shared_record_from_bag(Path("nowhere"), scene), BagError, "no bag at"),
+        (
+            lambda scene: run_shared_session(scene, 0.0),
+            InvalidInputError,
+            "duration: must be a positive",
+        ),
+    ],
+)
+def test_of_no_bag_and_durations_errors_tell(scene, make, error, rule):
+    with pytest.raises(error, match=rule):
+        make(scene)

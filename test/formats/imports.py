@@ -74,6 +74,12 @@ def saved(folder, name, text):
     return path
 
 
+def beside(path, said="", model=""):
+    """Return the scene of a file beside a model, that says this of it."""
+    text = f"format: hapticmech-scene/1\nmodel: {model or path.name}\n{said}\n"
+    return load_scene(saved(path.parent, "scene.yaml", text))
+
+
 def refused(path, rule):
     """Assert that a file breaks one rule, and return where: a line and element of the file."""
     with pytest.raises(SceneError) as caught:

@@ -7,12 +7,11 @@ from __future__ import annotations
 import re
 
 import pytest
-from typer.testing import CliRunner
 
+from commands import ran
 from formats.imports import saved
 from formats.test_sdf import joint, link, written
 from hapticmech_ros import Simulator, load_scene
-from hapticmech_ros.cli import app
 from hapticmech_ros.errors import HapticMechError, SceneError
 from hapticmech_ros.formats import read_model
 
@@ -104,8 +103,7 @@ def test_a_file_without_any_mass_says_just_that_and_is_drawn(tmp_path):
         Simulator(load_scene(path))
     assert "joint" not in str(caught.value)
     picture = tmp_path / "picture.png"
-    run = CliRunner().invoke(app, ["scene", "show", str(path), "--out", str(picture)])
-    assert run.exit_code == 0, run.output
+    ran("scene", "show", path, "--out", picture)
     assert picture.read_bytes().startswith(b"\x89PNG")
     # With one mass at its end only what moves none is named, as before.
     path.write_text(

@@ -11,6 +11,7 @@ import pytest
 
 from formats.children import outcomes
 from formats.five_bars import mjcf, sdf, urdf, written
+from formats.imports import beside
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.formats import read_model
@@ -147,20 +148,21 @@ def test_encodings_that_a_file_names_are_read(tmp_path, encoding):
     assert "größer" in read_model(path).places
 
 
-def test_only_files_are_read(tmp_path):
-    scene = tmp_path / "scene.yaml"
-    (tmp_path / "folder").mkdir()
-    os.mkfifo(tmp_path / "pipe")
-    for name, rule in (
+@pytest.mark.parametrize(
+    ("name", "rule"),
+    [
         ("folder", "must be a regular file"),
         ("pipe", "must be a regular file"),
         ("gone.urdf", "cannot be read"),
         ("/dev/zero", "must be a regular file"),
         ('"a\\0b"', "cannot be read"),
-    ):
-        scene.write_text(f"format: hapticmech-scene/1\nmodel: {name}\n")
-        with pytest.raises(SceneError, match=rule):
-            load_scene(scene)
+    ],
+)
+def test_only_files_are_read(tmp_path, name, rule):
+    (tmp_path / "folder").mkdir()
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(SceneError, match=rule):
+        beside(tmp_path / "nothing", model=name)
 
 
 def test_an_unknown_root_is_refused(tmp_path):

@@ -5,8 +5,7 @@
 import numpy as np
 import pytest
 
-from formats.imports import mass_matrix
-from hapticmech_ros import load_scene
+from formats.imports import beside, mass_matrix, saved
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.simulation import Simulator
 
@@ -28,10 +27,7 @@ ARM = """<robot name="arm"><link name="base"/>
 @pytest.fixture
 def arm(tmp_path):
     def write(scene="", dynamics=""):
-        (tmp_path / "arm.urdf").write_text(ARM.format(dynamics=dynamics))
-        path = tmp_path / "arm.yaml"
-        path.write_text(f"format: hapticmech-scene/1\nmodel: arm.urdf\n{scene}")
-        return load_scene(path)
+        return beside(saved(tmp_path, "arm.urdf", ARM.format(dynamics=dynamics)), scene)
 
     return write
 

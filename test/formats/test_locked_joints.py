@@ -38,6 +38,16 @@ MJCF = """<mujoco model="lock"><compiler angle="radian"/><worldbody>
 </worldbody></mujoco>"""
 
 
+def assert_turns_as_one_body(path, away, error):
+    """Check the moment about the shoulder of both bodies in one, the other's centre there (m)."""
+    mechanism = Mechanism(load_scene(str(path)))
+    assert mechanism.nv == 1
+    about_shoulder = 0.0075 + 0.0225 + 0.0031 + 0.6 * (away[0] ** 2 + away[1] ** 2)
+    kinetic, _ = mechanism.energy(np.zeros(1), np.ones(1))
+    assert 2.0 * kinetic == pytest.approx(about_shoulder, rel=error)
+    return about_shoulder
+
+
 @pytest.mark.parametrize("kind", ["urdf", "sdf", "xml"])
 @pytest.mark.parametrize("at", [0.5, 0.0, -1.25])
 def test_it_is_one_body_with_what_carries_it(tmp_path, kind, at):
@@ -45,9 +55,5 @@ def test_it_is_one_body_with_what_carries_it(tmp_path, kind, at):
     path = saved(tmp_path, f"lock.{kind}", text)
     note = read_model(path).notes[0]
     assert str(note) == f"joint elbow: lower = upper (1 x): locked at {at:g}"
-    mechanism = Mechanism(load_scene(str(path)))
-    assert mechanism.nv == 1
     away = 0.3 + 0.125 * np.cos(at), 0.125 * np.sin(at)
-    about_shoulder = 0.0075 + 0.0225 + 0.0031 + 0.6 * (away[0] ** 2 + away[1] ** 2)
-    kinetic, _ = mechanism.energy(np.zeros(1), np.ones(1))
-    assert 2.0 * kinetic == pytest.approx(about_shoulder, rel=1e-13)
+    assert_turns_as_one_body(path, away, 1e-13)

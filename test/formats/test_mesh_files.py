@@ -156,13 +156,13 @@ def test_meshes_of_mjcf_are_where_its_compiler_says(tmp_path, compiler, file, wh
     assert (tmp_path / where / "body.stl").samefile(found)
 
 
-def test_meshes_of_sdf_are_where_its_uris_say(tmp_path):
+@pytest.mark.parametrize("uri", ["model://thing/meshes/part.stl", "meshes/part.stl"])
+def test_meshes_of_sdf_are_where_its_uris_say(tmp_path, uri):
     file = placed(tmp_path / "thing" / "meshes" / "part.stl")
     ball = sdf_collision("ball", "<sphere><radius>1</radius></sphere>")
     floor = {"name": "floor", "link": "world", "geometry": {"kind": "half_space"}}
-    for uri in ("model://thing/meshes/part.stl", "meshes/part.stl"):
-        mesh = sdf_collision("part", f"<mesh><uri> {uri} </uri></mesh>")
-        parts = [link("a", ball + mesh), joint("j", "world", "a")]
-        path = sdf_written(tmp_path / "thing", parts)
-        found = load_scene(scene(path, [("floor", "part")], shapes=[floor])).shapes[1]
-        assert file.samefile(found.geometry.file)
+    mesh = sdf_collision("part", f"<mesh><uri> {uri} </uri></mesh>")
+    parts = [link("a", ball + mesh), joint("j", "world", "a")]
+    path = sdf_written(tmp_path / "thing", parts)
+    found = load_scene(scene(path, [("floor", "part")], shapes=[floor])).shapes[1]
+    assert file.samefile(found.geometry.file)

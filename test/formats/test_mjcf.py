@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from formats.imports import Read, counts_in, notes_in, refused, saved
+from formats.imports import Read, beside, counts_in, notes_in, refused, saved
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.files.mjcf_compiler import compiled
@@ -173,6 +173,13 @@ class Theirs:
         mujoco.mj_forward(model, self.data)
         return q, v, turn
 
+    def has_bodies_where(self, ours, q, error):
+        """Assert that bodies are where ours are at q."""
+        for body in range(1, self.model.nbody):
+            pose = ours.pose(self.model.body(body).name or f"body{body}", q)
+            assert np.abs(pose.translation - self.data.xpos[body]).max() <= error
+            assert np.abs(pose.rotation - self.data.xmat[body].reshape(3, 3)).max() <= error
+
     def number(self, ours, joint):
         name = self.model.joint(joint).name
         return ours.joint(name) if name else joint + 1
@@ -214,11 +221,7 @@ def assert_as_mujoco_has_it(path, poses=10 * SAME, least=1.0):
         bias = turn.T @ (theirs.data.qfrc_bias + theirs.inertia() @ moved)
         size = max(np.abs(bias).max(), least * np.abs(inertia).max())
         assert np.abs(ours.bias(q, v) - bias).max() <= SAME * size
-        for body in range(1, theirs.model.nbody):
-            name = theirs.model.body(body).name or f"body{body}"
-            pose = ours.pose(name, q)
-            assert np.abs(pose.translation - theirs.data.xpos[body]).max() <= poses
-            assert np.abs(pose.rotation - theirs.data.xmat[body].reshape(3, 3)).max() <= poses
+        theirs.has_bodies_where(ours, q, poses)
         for site in range(theirs.model.nsite):
             pose = ours.pose(theirs.model.site(site).name, q)
             assert np.abs(pose.translation - theirs.data.site_xpos[site]).max() <= poses
@@ -228,23 +231,15 @@ def assert_as_mujoco_has_it(path, poses=10 * SAME, least=1.0):
 @pytest.mark.parametrize("name", ["ref", "free", "nested"])
 def test_a_scene_starts_where_the_file_draws_it(tmp_path, name):
     path = written(tmp_path, TREES[name])
-    theirs = Theirs(path)
+    theirs, scene = Theirs(path), load_scene(path)
     mujoco.mj_forward(theirs.model, theirs.data)
-    scene = load_scene(path)
     q, _ = authored_state(scene, Mechanism(scene).tree)
-    read = Read(path)
-    for body in range(1, theirs.model.nbody):
-        pose = read.pose(theirs.model.body(body).name, q)
-        assert np.abs(pose.translation - theirs.data.xpos[body]).max() <= SAME
+    theirs.has_bodies_where(Read(path), q, SAME)
 
 
 def test_a_scene_file_may_start_elsewhere_in_part(tmp_path):
-    written(tmp_path, TREES["ref"])
-    scene = tmp_path / "scene.yaml"
-    start = "initial_state: {q: {k: 0.1}, v: {l: 2.0}}"
-    scene.write_text(f"format: hapticmech-scene/1\nmodel: model.xml\n{start}\n")
-    loaded = load_scene(scene)
-    q, v = authored_state(loaded, Mechanism(loaded).tree)
+    scene = beside(written(tmp_path, TREES["ref"]), "initial_state: {q: {k: 0.1}, v: {l: 2.0}}")
+    q, v = authored_state(scene, Mechanism(scene).tree)
     assert q == pytest.approx([np.deg2rad(30), 0.1, np.deg2rad(-20)], rel=SAME)
     assert v.tolist() == [0.0, 0.0, 2.0]
 
@@ -352,6 +347,7 @@ TENDON = """<tendon><fixed name="t"><joint joint="j" coef=".4"/><joint joint="k"
     </fixed></tendon>"""
 
 
+@pytest.mark.parametrize("leader", [-0.3, 0.0, 0.7])
 @pytest.mark.parametrize(
     ("equality", "more"),
     [
@@ -361,16 +357,15 @@ TENDON = """<tendon><fixed name="t"><joint joint="j" coef=".4"/><joint joint="k"
     ],
     ids=["joint", "tendon", "tendon, longer"],
 )
-def test_an_equality_is_a_coupling_where_mujoco_meets_it(tmp_path, equality, more):
+def test_an_equality_is_a_coupling_where_mujoco_meets_it(tmp_path, equality, more, leader):
     path = written(tmp_path, TREES["ref"] + more + f"<equality>{equality}</equality>")
     (coupling,) = read_model(path).document["couplings"]
     theirs = Theirs(path)
     j, k = (theirs.model.joint(name).qposadr[0] for name in ("j", "k"))
-    for leader in (-0.3, 0.0, 0.7):
-        theirs.data.qpos[k] = leader
-        theirs.data.qpos[j] = coupling["ratio"] * leader + coupling["offset"]
-        mujoco.mj_forward(theirs.model, theirs.data)
-        assert np.abs(theirs.data.efc_pos).max() < SAME
+    theirs.data.qpos[k] = leader
+    theirs.data.qpos[j] = coupling["ratio"] * leader + coupling["offset"]
+    mujoco.mj_forward(theirs.model, theirs.data)
+    assert np.abs(theirs.data.efc_pos).max() < SAME
 
 
 NOTED = f"""<option wind="1 0 0"><flag contact="disable"/></option><actuator><motor joint="j"/>
@@ -416,12 +411,8 @@ KEYS = f"""<worldbody><body name="f" pos="1 0 0"><freejoint/>{INERTIAL}</body>
 
 def scene_at(folder, state):
     """Return a scene of the model that starts as it is told."""
-    path = written(folder, KEYS.format(ball=BALL)).parent / "scene.yaml"
-    path.write_text(
-        "format: hapticmech-scene/1\nmodel: {file: model.xml}\ngravity: [0, 0, 0]\n"
-        f"operational_points: [{{name: p, link: c}}]\ninitial_state: {state}\n"
-    )
-    return load_scene(path)
+    said = "gravity: [0, 0, 0]\noperational_points: [{name: p, link: c}]\n"
+    return beside(written(folder, KEYS.format(ball=BALL)), f"{said}initial_state: {state}")
 
 
 @pytest.mark.parametrize(("name", "number"), [("home", 0), ("'1'", 1)])
@@ -432,11 +423,7 @@ def test_a_scene_starts_at_a_keyframe_as_mujoco_does(tmp_path, name, number):
     mujoco.mj_forward(theirs.model, theirs.data)
     mechanism = Mechanism(scene)
     q, v = authored_state(scene, mechanism.tree)
-    read = Read(tmp_path / "model.xml")
-    for body in range(1, theirs.model.nbody):
-        pose = read.pose(theirs.model.body(body).name, q)
-        assert np.abs(pose.translation - theirs.data.xpos[body]).max() <= SAME * 10
-        assert np.abs(pose.rotation - theirs.data.xmat[body].reshape(3, 3)).max() <= SAME * 10
+    theirs.has_bodies_where(Read(tmp_path / "model.xml"), q, SAME * 10)
     # The same motion: its energy, and the twist of the last body.
     full = theirs.inertia()
     kinetic = 0.5 * theirs.data.qvel @ full @ theirs.data.qvel
@@ -478,12 +465,7 @@ def test_rotors_of_joints_and_actuators_are_felt_as_in_mujoco(tmp_path):
     assert [ours.written(name).armature for name in "jklm"] == pytest.approx(
         [0.1 + 0.2 * 9 + 0.2 * 0.25, 0.7 + 0.4 * 4, 0.03, 0.0]
     )
-    document = written(tmp_path, ROTORS.format(ball=BALL)).parent / "scene.yaml"
-    document.write_text(
-        "format: hapticmech-scene/1\nmodel: {file: model.xml}\n"
-        "operational_points: [{name: tip, link: tip}]\n"
-    )
-    mechanism = Mechanism(load_scene(document))
+    mechanism = Mechanism(beside(path, "operational_points: [{name: tip, link: tip}]"))
     rng = np.random.default_rng(4)
     for _ in range(3):
         q, v, _ = theirs.state(ours, rng)

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from formats.imports import refused, saved
+from formats.test_locked_joints import assert_turns_as_one_body
+from formats.test_mjcf import Theirs
 from hapticmech_ros import Mechanism, load_scene
 from hapticmech_ros.formats.reading import read_model
 from hapticmech_ros.operational.analysis import coupling
@@ -53,21 +55,14 @@ def test_without_joint2_the_joint_is_locked_and_this_is_said_first(tmp_path, joi
     path = written(tmp_path, ARM.format(joint=joint, more=LOCK))
     note = read_model(path).notes[0]
     assert str(note) == f"joint k: an equality without joint2 (1 x): locked at {at:g}"
-    theirs = mujoco.MjModel.from_xml_path(str(path))
-    data = mujoco.MjData(theirs)
-    data.qpos[:] = 0.0, at
-    mujoco.mj_forward(theirs, data)
-    assert np.abs(data.efc_pos).max() < 1e-15
-    mechanism = Mechanism(load_scene(str(path)))
-    assert mechanism.nv == 1
+    theirs = Theirs(path)
+    theirs.data.qpos[:] = 0.0, at
+    mujoco.mj_forward(theirs.model, theirs.data)
+    assert np.abs(theirs.data.efc_pos).max() < 1e-15
     # The file draws the joint at its ref: from there it is 0.3 rad, or m.
     away = (0.725, 0.0) if joint is SLIDE else (0.3 + 0.125 * np.cos(0.3), 0.125 * np.sin(0.3))
-    about = 0.0075 + 0.0225 + 0.0031 + 0.6 * (away[0] ** 2 + away[1] ** 2)
-    inertia = np.zeros((2, 2))
-    mujoco.mj_fullM(theirs, data, inertia)
-    kinetic, _ = mechanism.energy(np.zeros(1), np.ones(1))
-    assert 2.0 * kinetic == pytest.approx(about, rel=1e-12)
-    assert inertia[0, 0] == pytest.approx(about, rel=1e-12)
+    about = assert_turns_as_one_body(path, away, 1e-12)
+    assert theirs.inertia()[0, 0] == pytest.approx(about, rel=1e-12)
 
 
 def test_what_follows_a_locked_joint_is_locked_where_it_holds_it(tmp_path):
@@ -108,8 +103,8 @@ def test_on_the_curve_everything_is_as_mujoco_has_it(tmp_path, text):
     scene = load_scene(str(path))
     mechanism = Mechanism(scene)
     on = mechanism.initially_active
-    model = mujoco.MjModel.from_xml_path(str(path))
-    data = mujoco.MjData(model)
+    theirs = Theirs(path)
+    model, data = theirs.model, theirs.data
     names = list(mechanism.tree.joint_names)
     order = [names.index(model.joint(i).name) for i in range(model.njnt)]
     lead = names.index("flex" if "flex" in names else scene.couplings[0].leader)
@@ -124,14 +119,12 @@ def test_on_the_curve_everything_is_as_mujoco_has_it(tmp_path, text):
         assert np.abs(data.efc_pos).max() < 1e-14
         closing = mechanism.closing_terms(q, on)
         assert np.abs(closing.residual).max() < 1e-14
-        theirs = data.efc_J.reshape(-1, model.nv)
+        rows = data.efc_J.reshape(-1, model.nv)
         ours = closing.jacobian[:, order]
-        assert theirs.shape == ours.shape == (len(scene.couplings), model.nv)
-        assert np.abs(theirs - ours).max() < 1e-13
-        inertia = np.zeros((model.nv, model.nv))
-        mujoco.mj_fullM(model, data, inertia)
+        assert rows.shape == ours.shape == (len(scene.couplings), model.nv)
+        assert np.abs(rows - ours).max() < 1e-13
         own = mechanism.evaluate(q, np.zeros(mechanism.nv), on).inertia
-        assert np.abs(own[np.ix_(order, order)] - inertia).max() < 1e-13
+        assert np.abs(own[np.ix_(order, order)] - theirs.inertia()).max() < 1e-13
 
 
 FOOT = """format: hapticmech-scene/1

@@ -8,6 +8,7 @@ import re
 
 import pytest
 
+from formats.imports import beside, saved
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import SceneError
 
@@ -135,41 +136,38 @@ BROKEN = {
 }
 
 
+@pytest.mark.parametrize("load", [load_scene, beside], ids=["model", "scene beside it"])
 @pytest.mark.parametrize(("suffix", "text", "line", "tag", "said"), BROKEN.values(), ids=BROKEN)
-def test_errors_name_file_line_and_element(tmp_path, suffix, text, line, tag, said):
-    (tmp_path / f"model.{suffix}").write_text(text)
-    scene = tmp_path / "scene.yaml"
-    scene.write_text(f"format: hapticmech-scene/1\nmodel: model.{suffix}\n")
-    for path in (tmp_path / f"model.{suffix}", scene):
-        with pytest.raises(SceneError, match=re.escape(said)) as caught:
-            load_scene(path)
-        first = str(caught.value)
-        assert f"model.{suffix}" in first
-        assert f"line {line}, <{tag}>" in first, first
+def test_errors_name_file_line_and_element(tmp_path, suffix, text, line, tag, said, load):
+    with pytest.raises(SceneError, match=re.escape(said)) as caught:
+        load(saved(tmp_path, f"model.{suffix}", text))
+    first = str(caught.value)
+    assert f"model.{suffix}" in first
+    assert f"line {line}, <{tag}>" in first, first
+
+
+NEAR = [
+    ("operational_points: [{name: p, link: hadn}]", "hand"),
+    ("closures: [{name: c, kind: spherical, a: {link: hnd}, b: {link: world}}]", "hand"),
+    ("springs: [{name: c, a: {link: arn}, b: {link: world}}]", "arm"),
+    ("shapes: [{name: b, link: hanf, geometry: {kind: sphere, radius: 1.0}}]", "hand"),
+    ("couplings: [{name: c, joint: elbw, leader: shoulder}]", "elbow"),
+    ("couplings: [{name: c, joint: elbow, leader: sholder}]", "shoulder"),
+    ("initial_state: {q: {sholder: 1.0}}", "shoulder"),
+    ("initial_state: {v: {elbo: 1.0}}", "elbow"),
+]
 
 
 @pytest.mark.parametrize(
-    ("key", "meant"),
+    ("said", "model", "meant"),
     [
-        ("operational_points: [{name: p, link: hadn}]", "hand"),
-        ("closures: [{name: c, kind: spherical, a: {link: hnd}, b: {link: world}}]", "hand"),
-        ("springs: [{name: c, a: {link: arn}, b: {link: world}}]", "arm"),
-        ("shapes: [{name: b, link: hanf, geometry: {kind: sphere, radius: 1.0}}]", "hand"),
-        ("couplings: [{name: c, joint: elbw, leader: shoulder}]", "elbow"),
-        ("couplings: [{name: c, joint: elbow, leader: sholder}]", "shoulder"),
-        ("initial_state: {q: {sholder: 1.0}}", "shoulder"),
-        ("initial_state: {v: {elbo: 1.0}}", "elbow"),
+        *((said, "", meant) for said, meant in NEAR),
+        ("", "{file: model.urdf, joints: {elbwo: {damping: 1.0}}}", "elbow"),
     ],
 )
-def test_names_of_the_scene_that_are_not_there(tmp_path, key, meant):
+def test_names_of_the_scene_that_are_not_there(tmp_path, said, model, meant):
     joints = JOINT.format("shoulder", "revolute", "base", "arm", "")
     joints += JOINT.format("elbow", "revolute", "arm", "hand", "")
-    (tmp_path / "model.urdf").write_text(urdf(A, B, LINK.format("hand"), joints))
-    path = tmp_path / "scene.yaml"
-    path.write_text(f"format: hapticmech-scene/1\nmodel: model.urdf\n{key}\n")
+    path = saved(tmp_path, "model.urdf", urdf(A, B, LINK.format("hand"), joints))
     with pytest.raises(SceneError, match=f"did you mean {meant!r}"):
-        load_scene(path)
-    joint = "model: {file: model.urdf, joints: {elbwo: {damping: 1.0}}}"
-    path.write_text(f"format: hapticmech-scene/1\n{joint}\n")
-    with pytest.raises(SceneError, match="did you mean 'elbow'"):
-        load_scene(path)
+        beside(path, said, model)

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pinocchio as pin
 import pytest
 import yaml
 
-from formats.imports import Read
+from formats.imports import Read, beside, saved
 from formats.test_urdf import inertial_of
 from hapticmech_ros import load_scene
 from hapticmech_ros.loading.loader import copy_scene
@@ -35,8 +36,6 @@ ARM = """<robot name="an arm"><link name="base link"/><link name="post"/><link n
     <origin xyz="1 0 0"/><axis xyz="1 0 0"/></joint>
     <joint name="grip" type="fixed"><parent link="hand"/><child link="tool"/>
     <origin xyz="0 0.1 0.2" rpy="0.5 0 0"/></joint></robot>"""
-HEAD = "format: hapticmech-scene/1\n"
-MODEL = "model: {file: arm.urdf}\n"
 
 
 @pytest.fixture
@@ -46,14 +45,9 @@ def scene_of(tmp_path):
         text = text.replace(
             f'<link name="{name}"/>', f'<link name="{name}">{inertial_of(seed)}</link>'
         )
-    (tmp_path / "arm.urdf").write_text(text)
-
-    def loaded(said, model=MODEL):
-        path = tmp_path / "scene.yaml"
-        path.write_text(HEAD + model + said)
-        return load_scene(path)
-
-    loaded.read = Read(tmp_path / "arm.urdf")
+    path = saved(tmp_path, "arm.urdf", text)
+    loaded = partial(beside, path)
+    loaded.read = Read(path)
     return loaded
 
 
@@ -95,7 +89,7 @@ def test_a_scene_starts_where_it_says_by_the_files_names(scene_of):
 
 
 def test_what_a_scene_says_of_a_joint_goes_before_the_file(scene_of):
-    model = """model:
+    model = """
   file: arm.urdf
   joints:
     shoulder pan: {damping: 0.7, stiffness: 3.0, rest: 0.1, limits: null}
@@ -115,7 +109,7 @@ def test_what_a_scene_says_of_a_joint_goes_before_the_file(scene_of):
 
 
 def test_a_locked_joint_is_no_degree_of_freedom_and_is_where_the_scene_starts(scene_of):
-    model = "model: {file: arm.urdf, joints: {elbow: {locked: true}}}\n"
+    model = "{file: arm.urdf, joints: {elbow: {locked: true}}}"
     scene = scene_of("initial_state: {q: {elbow: 0.4}}\n", model)
     mechanism = Mechanism(scene)
     assert mechanism.tree.joint_names == ("shoulder_pan", "wrist")
@@ -129,7 +123,7 @@ def test_a_free_base_is_no_longer_the_world(scene_of, tmp_path):
     text = (tmp_path / "arm.urdf").read_text()
     base = f'<link name="base link">{inertial_of(7)}</link>'
     (tmp_path / "arm.urdf").write_text(text.replace('<link name="base link"/>', base))
-    scene = scene_of("", "model: {file: arm.urdf, base: free}\n")
+    scene = scene_of("", "{file: arm.urdf, base: free}")
     assert (scene.links[0].name, scene.links[0].joint.type) == ("base_link", "free")
     assert Mechanism(scene).nv == 9
 

@@ -8,8 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from formats.imports import Read, refused, same_dynamics, saved
-from hapticmech_ros import load_scene
+from formats.imports import Read, beside, refused, same_dynamics, saved
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.formats import read_model
 from hapticmech_ros.mechanism import Mechanism
@@ -200,13 +199,9 @@ def test_closures_of_a_scene_file_leave_those_of_the_model_alone(tmp_path, place
     still = joint("i", "world", "a", inside=pose(a.actInv(j)))
     moved = joint("k", "world", "b", inside=pose(b.actInv(a)))
     loop = joint("loop", "a", "b", kind="ball", inside=pose(b.actInv(j)))
-    written(tmp_path, [link("a", pose(a)), link("b", pose(b)), still, moved, loop])
-    scene = tmp_path / "scene.yaml"
-    scene.write_text(
-        "format: hapticmech-scene/1\nmodel: model.sdf\nclosures:\n"
-        "  - {name: own, kind: rod, length: 1.0, a: {link: a}, b: {link: b}}\n"
-    )
-    mechanism = Mechanism(load_scene(scene))
+    path = written(tmp_path, [link("a", pose(a)), link("b", pose(b)), still, moved, loop])
+    own = "closures: [{name: own, kind: rod, length: 1.0, a: {link: a}, b: {link: b}}]"
+    mechanism = Mechanism(beside(path, own))
     assert mechanism.closing_terms(np.zeros(2), (True, False)).error < 10 * SAME
     gap = mechanism.closing_terms(np.zeros(2), (False, True)).residual
     apart = np.linalg.norm(a.translation - b.translation)
@@ -331,12 +326,8 @@ def test_one_model_of_several_is_named(tmp_path):
     path = world_of_two(tmp_path)
     (found,) = read_model(path, name="two").document["links"]
     assert (found["name"], found["joint"]["name"]) == ("b", "j_b")
-    scene = tmp_path / "scene.yaml"
-    scene.write_text(
-        "format: hapticmech-scene/1\nmodel: {file: world.sdf, name: one}\n"
-        "operational_points: [{name: p, link: a}]\n"
-    )
-    loaded = load_scene(scene)
+    held = "operational_points: [{name: p, link: a}]"
+    loaded = beside(path, held, "{file: world.sdf, name: one}")
     assert [one.name for one in loaded.links] == ["a"]
     assert loaded.gravity == (0.0, 0.0, -3.0)
 

@@ -144,12 +144,12 @@ def mimicking(folder, leader="i", axis="axis", values=VALUES, kind="revolute"):
     return read_model(written(folder, [*parts, text], version="1.11"))
 
 
-def test_a_mimic_is_a_coupling_from_its_reference_on(tmp_path):
+@pytest.mark.parametrize("leader", [0.1, -0.4])
+def test_a_mimic_is_a_coupling_from_its_reference_on(tmp_path, leader):
     (coupling,) = mimicking(tmp_path).document["couplings"]
     assert (coupling["name"], coupling["joint"], coupling["leader"]) == ("k_mimics_i", "k", "i")
-    for leader in (0.1, -0.4):
-        found = coupling["ratio"] * leader + coupling["offset"]
-        assert found == pytest.approx(-2.0 * (leader - 0.1) + 0.3, rel=SAME)
+    found = coupling["ratio"] * leader + coupling["offset"]
+    assert found == pytest.approx(-2.0 * (leader - 0.1) + 0.3, rel=SAME)
 
 
 def test_a_mimic_of_a_second_axis_is_noted(tmp_path):

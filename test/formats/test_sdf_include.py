@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from formats.imports import Read, random_state
+from formats.imports import Read, beside, random_state
 from formats.test_sdf import INERTIAL, joint, link, written
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import SceneError
@@ -126,11 +126,9 @@ def screw(inside):
 )
 def test_a_screw_moves_by_its_pitch_in_a_turn(tmp_path, inside, pitch):
     path = written(tmp_path, screw(inside))
-    (tmp_path / "scene.yaml").write_text(
-        "format: hapticmech-scene/1\nmodel: model.sdf\n"
-        f"initial_state: {{q: {{spindle: 0.7, spindle_slide: {0.7 * pitch / (2.0 * np.pi)!r}}}}}\n"
-    )
-    start, turned = (Mechanism(load_scene(one)) for one in (path, tmp_path / "scene.yaml"))
+    at = f"{{spindle: 0.7, spindle_slide: {0.7 * pitch / (2.0 * np.pi)!r}}}"
+    scenes = load_scene(path), beside(path, f"initial_state: {{q: {at}}}")
+    start, turned = map(Mechanism, scenes)
     poses = [one.frame_pose(consistent_initial_state(one)[0], "nut") for one in (start, turned)]
     moved = poses[1].translation - poses[0].translation
     np.testing.assert_allclose(moved[2], 0.7 * pitch / (2.0 * np.pi), atol=SAME)
@@ -154,10 +152,12 @@ def test_a_screw_moves_by_its_pitch_in_a_turn(tmp_path, inside, pitch):
     assert free @ d @ free == pytest.approx(expected, rel=1e-9)
 
 
-def test_a_screw_without_a_pitch_is_refused(tmp_path):
-    for inside in ("<thread_pitch>0</thread_pitch>", "<screw_thread_pitch>0</screw_thread_pitch>"):
-        with pytest.raises(SceneError, match="thread_pitch must not be zero"):
-            read_model(written(tmp_path, screw(inside)))
+@pytest.mark.parametrize(
+    "inside", ["<thread_pitch>0</thread_pitch>", "<screw_thread_pitch>0</screw_thread_pitch>"]
+)
+def test_a_screw_without_a_pitch_is_refused(tmp_path, inside):
+    with pytest.raises(SceneError, match="thread_pitch must not be zero"):
+        read_model(written(tmp_path, screw(inside)))
 
 
 COMMENTS = "<!-- a -- b -->\n<!--- <link> -->\n<!-- c --->\n<!----><!-- plain -->"

@@ -11,8 +11,8 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from typer.testing import CliRunner
 
+from commands import ran
 from formats.imports import (
     Read,
     counts_in,
@@ -28,7 +28,6 @@ from formats.test_sdf import joint, link
 from formats.test_sdf import written as sdf_written
 from formats.test_urdf import inertial_of
 from hapticmech_ros import load_scene
-from hapticmech_ros.cli import app
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.formats import left_out, read_model
 from hapticmech_ros.simulation import Simulator
@@ -174,12 +173,11 @@ def test_only_what_contacts_name_is_in_the_scene(tmp_path):
 
 def test_scene_check_lists_the_names(tmp_path):
     path = urdf(tmp_path, a=collision(GEOMETRIES["box"]) * 70, c=collision(GEOMETRIES["sphere"]))
-    file = str(scene(path, [("base_collision", "arm_collision")]))
-    told = CliRunner().invoke(app, ["scene", "check", file])
-    assert told.exit_code == 0, told.output
-    assert "shapes of the model: base_collision_2, base_collision_3" in told.output
-    assert "and 9 more, which --json lists" in told.output
-    found = json.loads(CliRunner().invoke(app, ["scene", "check", file, "--json"]).output)
+    file = scene(path, [("base_collision", "arm_collision")])
+    told = ran("scene", "check", file)
+    assert "shapes of the model: base_collision_2, base_collision_3" in told
+    assert "and 9 more, which --json lists" in told
+    found = json.loads(ran("scene", "check", file, "--json"))
     assert found["model_shapes"] == [f"base_collision_{k}" for k in range(2, 71)]
     assert "collision (69 x): a contact of a scene file can name it" in found["notes"]
 
@@ -314,7 +312,10 @@ def test_shapes_of_mjcf_are_where_mujoco_has_them(tmp_path):
             assert model.geom_size[there][: len(sizes)] == pytest.approx(sizes, rel=SAME)
 
 
-def test_geoms_that_no_scene_has_are_noted_and_refused(tmp_path):
+@pytest.mark.parametrize(
+    ("name", "rule"), [("f", "a scene's shapes"), ("e", "a scene's shapes"), ("i", "needs a file")]
+)
+def test_geoms_that_no_scene_has_are_noted_and_refused(tmp_path, name, rule):
     fitted = '<geom name="f" type="box" mesh="m"/><geom name="e" type="ellipsoid" size="1 1 1"/>'
     inline = '<mesh name="i" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset>'
     body = '<body name="b" pos="0 0 1">'
@@ -325,9 +326,8 @@ def test_geoms_that_no_scene_has_are_noted_and_refused(tmp_path):
     assert counts["geom that collides: box about a mesh"] == 1
     assert counts["geom that collides: ellipsoid"] == 1
     assert counts["geom"] == 1
-    for name, rule in (("f", "a scene's shapes"), ("e", "a scene's shapes"), ("i", "needs a file")):
-        with pytest.raises(SceneError, match=rule):
-            load_scene(scene(path, [("floor", name)]))
+    with pytest.raises(SceneError, match=rule):
+        load_scene(scene(path, [("floor", name)]))
 
 
 FALLING = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/>

@@ -252,11 +252,11 @@ def test_stops_beyond_reach_are_none(tmp_path, lower, upper, stops):
     assert (limits and (limits.lower, limits.upper)) == stops
 
 
-def test_a_world_in_the_file_is_the_world_even_with_a_free_base(tmp_path):
+@pytest.mark.parametrize("free", [False, True])
+def test_a_world_in_the_file_is_the_world_even_with_a_free_base(tmp_path, free):
     text, _ = random_urdf(0, ["world", "a", "b"], "revolute")
-    for free in (False, True):
-        imported = read_model(written(tmp_path, text), free)
-        assert all(link["joint"]["type"] != "free" for link in imported.document["links"])
+    imported = read_model(written(tmp_path, text), free)
+    assert all(link["joint"]["type"] != "free" for link in imported.document["links"])
 
 
 def test_a_joint_cannot_carry_the_world(tmp_path):

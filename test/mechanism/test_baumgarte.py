@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.errors import ClosureError
-from hapticmech_ros.mechanism.motion import ExternalWrenches, Start
+from hapticmech_ros.mechanism.motion import Start
 from hapticmech_ros.mechanism.tolerances import BAUMGARTE_FAILURE
 from oracles.planar_linkages import five_bar, five_bar_bent
-from oracles.running import run, simulator, with_start
+from oracles.running import run, simulator, unpushed, with_start
 
 FIVE_BAR = with_start(
     five_bar(-9.81, 0.002), five_bar_bent(1.9, 0.9), np.array([0.9, -1.0, 1.0, 0.5])
@@ -34,9 +34,8 @@ def test_an_open_loop_closes_as_the_equation_says():
     mechanism, state, stepper = sim.mechanism, sim.initial_state(), sim.stepper
     q, v = off_the_closures(mechanism, state, 1e-3), np.zeros(state.v.size)
     first = mechanism.closing_terms(q, state.active).residual
-    external = ExternalWrenches(np.zeros((len(mechanism.point_names), 6)))
     for _ in range(steps):
-        q, v, *_ = stepper.advance(Start(q, v, state.active), external)
+        q, v, *_ = stepper.advance(Start(q, v, state.active), unpushed(sim))
     found = mechanism.closing_terms(q, state.active).residual
     turned = rate * period * steps
     expected = first * (1.0 + turned) * np.exp(-turned)
@@ -55,22 +54,19 @@ def test_loops_end_closer_with_pull(integrator):
     assert ends[50.0] < 2e-6
 
 
-def test_a_loop_that_is_lost_is_named():
+@pytest.mark.parametrize(("share", "lost"), [(0.1, False), (30.0, True)])
+def test_a_loop_that_is_lost_is_named(share, lost):
     sim = held(FIVE_BAR)
-    state = sim.initial_state()
-    limit = BAUMGARTE_FAILURE * sim.mechanism.length
-    external = ExternalWrenches(np.zeros((len(sim.mechanism.point_names), 6)))
-    rests = np.zeros(state.v.size)
-    for size in (0.1, 30.0):
-        q = off_the_closures(sim.mechanism, state, size * limit / sim.mechanism.length)
-        start = Start(q, rests, state.active)
-        if size < 1.0:
-            assert 0.0 < sim.stepper.advance(start, external).error < limit
-            continue
-        with pytest.raises(ClosureError, match="came apart") as caught:
-            sim.stepper.advance(start, external)
-        assert caught.value.closures == ("pin",)
-        assert caught.value.residual > limit
+    state, limit = sim.initial_state(), BAUMGARTE_FAILURE * sim.mechanism.length
+    q = off_the_closures(sim.mechanism, state, share * limit / sim.mechanism.length)
+    start = Start(q, np.zeros(state.v.size), state.active)
+    if not lost:
+        assert 0.0 < sim.stepper.advance(start, unpushed(sim)).error < limit
+        return
+    with pytest.raises(ClosureError, match="came apart") as caught:
+        sim.stepper.advance(start, unpushed(sim))
+    assert caught.value.closures == ("pin",)
+    assert caught.value.residual > limit
 
 
 def test_a_pull_too_strong_for_the_step_is_refused():

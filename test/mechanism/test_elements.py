@@ -191,26 +191,30 @@ def test_a_spring_of_a_hinge_counts_turns(turns):
     assert mechanism.energy(q, np.zeros(1))[1] == (0.5 - q[0]) ** 2
 
 
-def test_friction_is_coulombs_away_from_rest():
+@pytest.mark.parametrize(
+    ("speed", "force"), [(1.0, -3.0), (-1.0, 3.0), (0.01, -3.0 * np.tanh(1.0))]
+)
+def test_friction_is_coulombs_away_from_rest(speed, force):
     scene = scene_from_document(one_joint("prismatic", friction=3.0, friction_speed=0.01))
     mechanism = Mechanism(scene)
-    for speed, force in ((1.0, -3.0), (-1.0, 3.0), (0.01, -3.0 * np.tanh(1.0))):
-        found = passive(mechanism, np.zeros(1), np.array([speed]))
-        assert found == pytest.approx([force], rel=1e-15)
+    found = passive(mechanism, np.zeros(1), np.array([speed]))
+    assert found == pytest.approx([force], rel=1e-15)
     # The secant: force over speed, and at rest the slope.
     assert slopes(mechanism, np.zeros(1), np.ones(1), 0.0)[1] == pytest.approx(3.0)
     assert slopes(mechanism, np.zeros(1), np.zeros(1), 0.0)[1] == pytest.approx(300.0)
 
 
-def test_a_spring_between_points_pulls_along_the_line():
+@pytest.mark.parametrize(
+    ("q", "v", "force"), [(0.5, 0.0, -2.0), (-0.5, 0.0, 2.0), (0.1, 0.0, 2.0), (0.3, 1.0, -2.0)]
+)
+def test_a_spring_between_points_pulls_along_the_line(q, v, force):
     ends = {"a": {"link": "body", "origin": {"xyz": [0.0, 0.0, 0.0]}}, "b": {"link": "world"}}
     spring = {"name": "s", "stiffness": 10.0, "damping": 2.0, "rest_length": 0.3} | ends
     axis = {"axis": [1.0, 0.0, 0.0]}
     scene = scene_from_document(one_joint("prismatic", **axis) | {"springs": [spring]})
     mechanism = Mechanism(scene)
-    for q, v, force in ((0.5, 0.0, -2.0), (-0.5, 0.0, 2.0), (0.1, 0.0, 2.0), (0.3, 1.0, -2.0)):
-        found = passive(mechanism, np.array([q]), np.array([v]))
-        assert found == pytest.approx([force], rel=1e-14)
+    found = passive(mechanism, np.array([q]), np.array([v]))
+    assert found == pytest.approx([force], rel=1e-14)
 
 
 @pytest.mark.parametrize("place", [0.0, 1e-13])

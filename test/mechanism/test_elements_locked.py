@@ -7,7 +7,6 @@ import copy
 import numpy as np
 import pytest
 
-from hapticmech_ros.errors import SceneError
 from hapticmech_ros.mechanism.inertia import SingularInertiaError, cholesky_of_upper
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import authored_state
@@ -102,14 +101,6 @@ def test_a_locked_joint_to_the_world_and_what_acts_in_it_do_nothing():
     assert not terms.passive_force.any()
     rotation = mechanism.frame_pose(np.zeros(mechanism.nv), document["links"][0]["name"]).rotation
     assert np.arctan2(rotation[1, 0], rotation[0, 0]) == pytest.approx(0.7, rel=1e-15)
-
-
-def test_rates_of_a_locked_joint_are_refused():
-    locked, _, _, _ = locked_and_fixed(0, planar=True)
-    value = locked["initial_state"]["v"]["joint1"]
-    locked["initial_state"]["v"]["joint1"] = [1.0] * len(value) if isinstance(value, list) else 1.0
-    with pytest.raises(SceneError, match="a locked joint does not move"):
-        scene_from_document(locked)
 
 
 def test_a_joint_that_moves_no_mass_is_named_when_the_mechanism_is_built():

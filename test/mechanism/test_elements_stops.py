@@ -85,11 +85,11 @@ def test_a_stop_begins_without_a_jump(speed):
     assert force_at(element, 0.5, speed) == 0.0
 
 
-def test_the_force_is_the_formula():
+@pytest.mark.parametrize(("depth", "soft"), [(0.01, 0.2), (DEPTH, 1.0), (0.2, 1.0)])
+def test_the_force_is_the_formula(depth, soft):
     element = Stop(8.0)
-    for depth, soft in ((0.01, 0.2), (DEPTH, 1.0), (0.2, 1.0)):
-        expected = -(STIFFNESS * depth + 8.0 * soft * 0.3)
-        assert force_at(element, 0.5 + depth, 0.3) == pytest.approx(expected, rel=1e-12)
+    expected = -(STIFFNESS * depth + 8.0 * soft * 0.3)
+    assert force_at(element, 0.5 + depth, 0.3) == pytest.approx(expected, rel=1e-12)
     # Leaving fast, the damper would pull: 8 * 10 against 400 * 0.05.
     elastic, lossy = element.forces(0.5 + DEPTH, -10.0)
     assert elastic == pytest.approx(-STIFFNESS * DEPTH, rel=1e-12)

@@ -10,7 +10,7 @@ from hapticmech_ros import load_scene
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
 from oracles.planar_linkages import five_bar, five_bar_bent
-from oracles.running import total_energy, varied, with_start
+from oracles.running import total_energy, varied, with_start, wrenches_on
 from sampling import sampled
 
 CASES = {case.name: case for case in cases()}
@@ -46,7 +46,7 @@ SCENES = {
 def test_energy_stays_for_a_minute(name):
     sim = Simulator(SCENES[name]())
     assert (sim.period, sim.scene.simulation.integrator) == (0.001, "rk4")
-    state, nothing = sim.initial_state(), np.zeros((len(sim.mechanism.point_names), 6))
+    state, nothing = sim.initial_state(), wrenches_on(sim)
     rank, first = sim.evaluate(state).space.rank, total_energy(sim, state)
     kinetic, off, closure_error = 0.0, 0.0, 0.0
     for step in range(STEPS):

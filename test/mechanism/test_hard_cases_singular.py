@@ -15,10 +15,19 @@ from hapticmech_ros.mechanism.redundancy import redundancy
 from hapticmech_ros.simulation import Simulator
 from oracles import pendulum
 from oracles.planar_linkages import chain, elbow, pin_end
-from oracles.running import run, simulator, total_energy, unaccounted, varied, with_start
+from oracles.running import (
+    run,
+    simulator,
+    total_energy,
+    unaccounted,
+    varied,
+    with_start,
+    wrenches_on,
+)
 
 UPRIGHTS = [0, 2, 4]
 CLOSED = 1e-11
+UP = np.eye(6)[1]
 
 
 def windows(gravity=(0.0, -9.81, 0.0), start=None, count=2, **simulation):
@@ -164,19 +173,17 @@ def folding_parallelogram(angle=0.0, side=0):
 @pytest.mark.parametrize(
     "push",
     [
-        {"end1": (1, 3.0)},
-        {"end2": (1, 3.0)},
-        {"end1": (1, 3.0), "end2": (1, -2.0)},
-        {"end3": (5, 1.0)},
+        {"end1": 3.0 * UP},
+        {"end2": 3.0 * UP},
+        {"end1": 3.0 * UP, "end2": -2.0 * UP},
+        {"end3": np.eye(6)[5]},
     ],
     ids=["first crank", "second crank", "both against each other", "torque"],
 )
 def test_it_leaves_by_the_branch_that_takes_up_most(push):
     """Gauss's principle against both branches' own accelerations, next to the crossing."""
     sim = folding_parallelogram()
-    wrenches = np.zeros((len(sim.mechanism.point_names), 6))
-    for name, (axis, amount) in push.items():
-        wrenches[sim.mechanism.point_names.index(name), axis] = amount
+    wrenches = wrenches_on(sim, **push)
     best, expected = -np.inf, np.zeros(3)
     for side in (1, -1):
         near = folding_parallelogram(1e-3, side)

@@ -10,7 +10,7 @@ import pytest
 
 from oracles.generator import blank, closed_chain, random_mechanism
 from oracles.planar_linkages import bar, five_bar, five_bar_bent
-from oracles.running import run, simulator, unaccounted, with_start
+from oracles.running import run, simulator, unaccounted, with_start, wrenches_on
 
 DURATION = 0.16
 
@@ -187,6 +187,5 @@ def test_semi_implicit_euler_counts_work_over_the_way_that_there_is():
     document = with_start(five_bar(closed=False), five_bar_bent(1.9, 0.9), np.ones(4))
     sim = simulator(document, integrator="semi_implicit_euler", **UNWATCHED)
     start, force = sim.initial_state(), np.array([0.1, -0.2, 0.05, 0.02])
-    wrenches = np.zeros((len(sim.mechanism.point_names), 6))
-    end = sim.step(start, wrenches, joint_forces=force)
+    end = sim.step(start, wrenches_on(sim), joint_forces=force)
     assert end.account.work_in == pytest.approx(force @ (end.q - start.q), rel=1e-12)

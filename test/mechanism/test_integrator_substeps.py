@@ -7,13 +7,13 @@ import pytest
 
 from hapticmech_ros.errors import ClosureError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.motion import ExternalWrenches, Start
+from hapticmech_ros.mechanism.motion import Start
 from hapticmech_ros.mechanism.projection import project
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.scene import scene_from_document
 from oracles.generator import closed_chain, random_mechanism
 from oracles.planar_linkages import bar, five_bar, five_bar_bent
-from oracles.running import simulator, with_start
+from oracles.running import simulator, unpushed, with_start, wrenches_on
 
 FIVE_BAR = with_start(
     five_bar(-9.81, 0.002), five_bar_bent(1.9, 0.9), np.array([0.9, -1.0, 1.0, 0.5])
@@ -56,11 +56,11 @@ def test_steps_far_off_the_closures_are_refused(speed, any_refused):
         q = five_bar_bent(rng.uniform(1.0, 2.6), rng.uniform(-0.3, 1.2))
         document = with_start(five_bar(), q)
         sim = simulator(document, period=0.05, integrator="semi_implicit_euler", **UNWATCHED)
-        state, zeros = sim.initial_state(), np.zeros((len(sim.mechanism.point_names), 6))
+        state = sim.initial_state()
         v = sim.mechanism.closing_terms(q, (True,)).space.closed_rates(rng.normal(size=4))
         start = Start(state.q, speed / np.linalg.norm(v) * v, (True,))
         try:
-            assert sim.stepper.advance(start, ExternalWrenches(zeros)).error < 1e-12
+            assert sim.stepper.advance(start, unpushed(sim)).error < 1e-12
         except ClosureError as error:
             refused += "jumped" in str(error)
     assert (refused > 0) == any_refused
@@ -104,7 +104,7 @@ def test_axes_the_other_way_are_refused(stabilisation):
     sim = simulator(hinge(), period=1e-3, stabilisation=stabilisation)
     turned = Start(np.array([0.0, 1.0, 0.0, 0.0]), np.zeros(3), (True,))
     with pytest.raises(ClosureError, match="other branch") as caught:
-        sim.stepper.advance(turned, ExternalWrenches(np.zeros((1, 6))))
+        sim.stepper.advance(turned, unpushed(sim))
     assert caught.value.closures == ("hinge",)
     state = sim.initial_state()
     assert sim.step(state, np.zeros((1, 6))).closure_error < 1e-12
@@ -124,9 +124,8 @@ class TestJointForces:
         for document, forces in ((FIVE_BAR, efforts), (driven, None), (FIVE_BAR, None)):
             sim = simulator(document, period=1e-3, integrator=integrator)
             state = sim.initial_state()
-            wrenches = np.zeros((len(sim.mechanism.point_names), 6))
             for _ in range(5):
-                state = sim.step(state, wrenches, joint_forces=forces)
+                state = sim.step(state, wrenches_on(sim), joint_forces=forces)
             ends.append(state)
         assert np.abs(ends[0].v - ends[1].v).max() < 1e-12
         assert ends[0].account.work_in == pytest.approx(ends[1].account.work_in, rel=1e-9)
@@ -135,14 +134,12 @@ class TestJointForces:
     def test_they_are_forgotten(self):
         sim = simulator(FIVE_BAR, period=1e-3)
         state = sim.initial_state()
-        wrenches = np.zeros((len(sim.mechanism.point_names), 6))
-        before = sim.step(state, wrenches)
-        sim.step(state, wrenches, joint_forces=np.ones(4))
-        assert sim.step(state, wrenches).v.tobytes() == before.v.tobytes()
+        before = sim.step(state, wrenches_on(sim))
+        sim.step(state, wrenches_on(sim), joint_forces=np.ones(4))
+        assert sim.step(state, wrenches_on(sim)).v.tobytes() == before.v.tobytes()
 
     @pytest.mark.parametrize("forces", [np.ones(3), np.ones((4, 1)), [0.0, np.nan, 0.0, 0.0]])
     def test_wrong_ones_are_refused(self, forces):
         sim = simulator(FIVE_BAR, period=1e-3)
-        wrenches = np.zeros((len(sim.mechanism.point_names), 6))
         with pytest.raises(InvalidInputError, match="joint_forces"):
-            sim.step(sim.initial_state(), wrenches, joint_forces=np.array(forces))
+            sim.step(sim.initial_state(), wrenches_on(sim), joint_forces=np.array(forces))

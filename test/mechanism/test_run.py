@@ -11,7 +11,7 @@ from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
 from oracles.generator import closed_chain, random_mechanism
-from oracles.running import with_start
+from oracles.running import with_start, wrenches_on
 from sampling import sampled
 
 SAMPLES = [random_mechanism(seed, planar) for seed in range(4) for planar in (False, True)]
@@ -63,9 +63,8 @@ def test_a_loop_latches_in_a_run():
     """Closures that come near close in the step in which they would have one by one."""
     scene = load_scene("four_bar_closing")
     simulator, again = Simulator(scene), Simulator(scene)
-    wrenches = np.zeros((len(simulator.mechanism.point_names), 6))
     # The scene's hand, held.
-    wrenches[0] = (-0.5, 0.0, 0.0, 0.0, 0.0, -0.0025)
+    wrenches = wrenches_on(simulator, handle=(-0.5, 0.0, 0.0, 0.0, 0.0, -0.0025))
     state, taken = simulator.initial_state(), 0
     while not all(state.active) and taken < 3000:
         state = simulator.step(state, wrenches)

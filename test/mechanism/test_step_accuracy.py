@@ -11,16 +11,24 @@ from hapticmech_ros.errors import ClosureError, InaccurateStepError
 from hapticmech_ros.scene import scene_from_document
 from oracles import pendulum
 from oracles.planar_linkages import chain, elbow, five_bar, five_bar_bent, pin_end, relative_angles
-from oracles.running import run, simulator, total_energy, unaccounted, varied, with_start
+from oracles.running import (
+    run,
+    simulator,
+    total_energy,
+    unaccounted,
+    varied,
+    with_joints,
+    with_start,
+    wrenches_on,
+)
 
 
 def pushed_down(force, **accuracy):
     """Return simulator and states of the scissor lift, its platform pushed down (N)."""
     step = {"accuracy": accuracy, "integrator": "rk2"}
     sim = Simulator(varied(load_scene("scissor_lift"), simulation=step))
-    wrenches = np.zeros((len(sim.mechanism.point_names), 6))
-    wrenches[sim.mechanism.point_names.index("platform_rim"), 1] = -force
-    return sim, run(sim, 0.6, wrenches)
+    down = (0.0, -force, 0.0, 0.0, 0.0, 0.0)
+    return sim, run(sim, 0.6, wrenches_on(sim, platform_rim=down))
 
 
 @pytest.mark.parametrize("force", [20.0, 50.0])
@@ -54,7 +62,7 @@ def nearly_crossing(epsilon, period):
 @pytest.mark.parametrize("epsilon", 10.0 ** np.arange(-12.0, -2.0))
 def test_branches_that_nearly_cross_make_no_energy(epsilon, period):
     sim = nearly_crossing(epsilon, period)
-    state, nothing = sim.initial_state(), np.zeros((len(sim.mechanism.point_names), 6))
+    state, nothing = sim.initial_state(), wrenches_on(sim)
     start = total_energy(sim, state)
     for _ in range(round(0.04 / period)):
         state = sim.step(state, nothing)
@@ -76,15 +84,13 @@ def test_what_cannot_be_refined_is_an_error_that_names_a_joint():
     assert abs(raised.value.off) > 0.1 * raised.value.exchanged
     stepped = sim.run(sim.initial_state(), round(raised.value.time / sim.period)).end
     with pytest.raises(InaccurateStepError, match=str(raised.value).split(" has ")[0]):
-        sim.step(stepped, np.zeros((len(sim.mechanism.point_names), 6)))
+        sim.step(stepped, wrenches_on(sim))
 
 
 def test_a_loop_that_springs_tear_open_says_so():
     """Smaller steps are tried before that: the error is that of the whole step."""
     document = with_start(five_bar(), five_bar_bent(1.9, 0.6))
-    for link in document["links"]:
-        link["joint"] |= {"stiffness": 1e8, "rest": 0.0}
-    sim = simulator(document)
+    sim = simulator(with_joints(document, stiffness=1e8, rest=0.0))
     with pytest.raises(ClosureError, match="came apart"):
         sim.run(sim.initial_state(), 100)
 
@@ -132,8 +138,7 @@ COARSE = {"rk2": 1e-3}
 def swinging(integrator):
     """Return the document of two bars on springs whose motions turn by 0.1 to 0.6 rad in a step."""
     document = chain(np.array([1.0, 0.8]), np.array([1.0, 0.5]), np.array([1.0, 0.5]) / 12.0)
-    for link in document["links"]:
-        link["joint"] |= {"stiffness": 2000.0, "rest": 0.0}
+    document = with_joints(document, stiffness=2000.0, rest=0.0)
     document |= {"hand": {"kind": "constant_wrench"}}
     # Steps that count as accurate and are not done again: what they add up to is tested.
     accuracy = {"tolerance": COARSE.get(integrator)}

@@ -15,7 +15,7 @@ from oracles.planar_linkages import (
     five_bar,
     five_bar_bent,
 )
-from oracles.running import simulator, with_start
+from oracles.running import simulator, with_start, wrenches_on
 from sampling import sampled
 
 KINDS = ("spherical", "revolute", "weld", "planar_pin")
@@ -106,7 +106,7 @@ class TestErrors:
 
     def start(self, integrator="rk4"):
         sim = stepping(FIVE_BAR, integrator)
-        return sim, sim.initial_state(), np.zeros((len(sim.mechanism.point_names), 6))
+        return sim, sim.initial_state(), wrenches_on(sim)
 
     @pytest.mark.parametrize(
         ("integrator", "what"),

@@ -9,7 +9,7 @@ from hapticmech_ros.errors import InvalidInputError
 from oracles.generator import random_mechanism
 from oracles.kinematics import link_poses, point_pose
 from oracles.newton_euler import jacobian_of
-from oracles.running import simulator, total_energy, with_start
+from oracles.running import simulator, total_energy, with_start, wrenches_on
 
 SEEDS = range(6)
 STEPS = 40
@@ -59,9 +59,8 @@ def test_pushes_on_links_pay_for_the_energy_they_bring(seed):
         sim = simulator(document, period=period)
         state = first = sim.initial_state()
         pushes = dict(zip(links, (_push(seed), _push(seed + 100)), strict=True))
-        points = np.zeros((len(sim.mechanism.point_names), 6))
         for _ in range(round(0.08 / period)):
-            state = sim.step(state, points, pushes)
+            state = sim.step(state, wrenches_on(sim), pushes)
         gained = total_energy(sim, state) - total_energy(sim, first)
         errors.append(abs(gained - state.account.work_in))
         assert abs(state.account.work_in) > 1e-4
@@ -107,24 +106,27 @@ def test_poses_of_frames_are_those_of_plain_kinematics(seed):
         assert np.array_equal(upright.translation, found.translation)
 
 
-def test_poses_are_copies():
+@pytest.mark.parametrize("frame", ["link1", "tip", "tip_world"])
+def test_poses_are_copies(frame):
     document = _document(0)
     mechanism = simulator(document).mechanism
     sample = random_mechanism(0)
-    for frame in ("link1", "tip", "tip_world"):
-        found = mechanism.frame_pose(sample.q, frame)
-        before = found.homogeneous.copy()
-        mechanism.frame_pose(mechanism.integrate(sample.q, np.ones(mechanism.nv)), frame)
-        assert np.array_equal(found.homogeneous, before)
+    found = mechanism.frame_pose(sample.q, frame)
+    before = found.homogeneous.copy()
+    mechanism.frame_pose(mechanism.integrate(sample.q, np.ones(mechanism.nv)), frame)
+    assert np.array_equal(found.homogeneous, before)
 
 
-def test_unknown_frames_and_links_are_refused():
-    document = _document(0)
-    sim = simulator(document)
-    state = sim.initial_state()
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda sim, state: sim.mechanism.frame_pose(state.q, "elbow"),
+        lambda sim, state: sim.mechanism.link_jacobian(state.q, "elbow"),
+        lambda sim, state: sim.step(state, np.zeros((2, 6)), {"elbow": np.ones(6)}),
+    ],
+    ids=["frame_pose", "link_jacobian", "step"],
+)
+def test_unknown_frames_and_links_are_refused(ask):
+    sim = simulator(_document(0))
     with pytest.raises(InvalidInputError, match="elbow"):
-        sim.mechanism.frame_pose(state.q, "elbow")
-    with pytest.raises(InvalidInputError, match="elbow"):
-        sim.mechanism.link_jacobian(state.q, "elbow")
-    with pytest.raises(InvalidInputError, match="elbow"):
-        sim.step(state, np.zeros((2, 6)), {"elbow": np.ones(6)})
+        ask(sim, sim.initial_state())

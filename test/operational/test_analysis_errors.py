@@ -28,19 +28,17 @@ def test_unknown_point(mechanism):
 
 
 @pytest.mark.parametrize(
-    "q", [np.zeros(3), np.zeros(5), np.zeros((4, 1)), [0, 0, 0, np.nan], [0, np.inf, 0, 0]]
+    ("what", "value"),
+    [
+        *(("q", q) for q in (np.zeros(3), np.zeros(5), np.zeros((4, 1)))),
+        *(("q", q) for q in ([0, 0, 0, np.nan], [0, np.inf, 0, 0])),
+        *(("v", v) for v in (np.zeros(3), [0, 0, np.nan, 0])),
+    ],
 )
-def test_configuration_of_wrong_size_or_not_finite(mechanism, q):
+def test_a_state_of_wrong_size_or_not_finite(mechanism, what, value):
     with pytest.raises(InvalidInputError) as caught:
-        analyse(mechanism, q)
-    assert caught.value.what == "q"
-
-
-@pytest.mark.parametrize("v", [np.zeros(3), [0, 0, np.nan, 0]])
-def test_rates_of_wrong_size_or_not_finite(mechanism, v):
-    with pytest.raises(InvalidInputError) as caught:
-        analyse(mechanism, five_bar_bent(1.9, 0.6), v=v)
-    assert caught.value.what == "v"
+        analyse(mechanism, **{"q": five_bar_bent(1.9, 0.6), what: value})
+    assert caught.value.what == what
 
 
 def test_planar_scenes_have_three_rows(mechanism):

@@ -16,7 +16,7 @@ from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
 from oracles.generator import closed_chain, random_mechanism
 from oracles.posed import apart, condition, posed, posed_sample
-from oracles.running import with_start
+from oracles.running import with_joints, with_start
 from oracles.slopes import tangents
 from sampling import sampled
 
@@ -28,10 +28,7 @@ COMPENSATED_DELAY = 0.0025
 def resisting(seed, planar):
     """Return a sample with springs, friction and dampers wherever they can be."""
     base = random_mechanism(seed, planar, duplicated=seed % 3 == 0)
-    document = copy.deepcopy(base.document)
-    for link in document["links"]:
-        if link["joint"]["type"] in ("revolute", "prismatic"):
-            link["joint"] |= {"stiffness": 3.0, "friction": 1.0, "damping": 0.4}
+    document = with_joints(base.document, stiffness=3.0, friction=1.0, damping=0.4)
     ends = {"a": {"link": "link4"}, "b": {"link": "world"}}
     document["springs"] = [{"name": "s", "stiffness": 5.0, "damping": 1.0} | ends]
     return posed(scene_from_document(with_start(document, base.q, base.v)))

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Laws of X on random mechanisms: symmetry, sign, rank, null space, order, redundancy; and a_0."""
 
-import copy
 from functools import cache
 
 import numpy as np
@@ -18,7 +17,7 @@ from oracles.closed_form import kkt
 from oracles.differences import relative
 from oracles.generator import random_mechanism
 from oracles.posed import apart
-from oracles.running import with_start
+from oracles.running import with_joints, with_start
 from sampling import sampled
 
 SAMPLES = [(seed, planar) for planar in (False, True) for seed in sampled(range(10), planar)]
@@ -76,12 +75,12 @@ def test_rank_and_null_space(seed, planar, form, point):
 
 @every_sample
 @every_form
-def test_mu_is_between_zero_and_one(seed, planar, form):
-    for point in ("tip", "middle"):
-        mu = built(seed, planar, form, point).analysis.spectrum.mu
-        assert mu.min() >= 0.0
-        assert mu.max() <= 1.0 + 1e-13  # 1 is reached by free links, to eps times cond(D)
-        assert np.all(np.diff(mu) <= 0.0)
+@both_points
+def test_mu_is_between_zero_and_one(seed, planar, form, point):
+    mu = built(seed, planar, form, point).analysis.spectrum.mu
+    assert mu.min() >= 0.0
+    assert mu.max() <= 1.0 + 1e-13  # 1 is reached by free links, to eps times cond(D)
+    assert np.all(np.diff(mu) <= 0.0)
 
 
 def test_a_free_body_alone_has_mu_of_one():
@@ -98,10 +97,7 @@ def test_a_free_body_alone_has_mu_of_one():
 @pytest.mark.parametrize("seed", range(4))
 def test_free_acceleration(seed, planar):
     base = random_mechanism(seed, planar)
-    document = copy.deepcopy(base.document)
-    for link in document["links"]:
-        if link["joint"]["type"] in ("revolute", "prismatic"):
-            link["joint"] |= {"stiffness": 3.0, "effort": 2.0, "friction": 1.0}
+    document = with_joints(base.document, stiffness=3.0, effort=2.0, friction=1.0)
     ends = {"a": {"link": "link4"}, "b": {"link": "world"}}
     document["springs"] = [{"name": "s", "stiffness": 5.0, "damping": 1.0} | ends]
     scene = scene_from_document(with_start(document, base.q, base.v))

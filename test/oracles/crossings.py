@@ -21,7 +21,7 @@ from oracles.generator import blank
 from oracles.jacobians import Jacobians
 from oracles.kinematics import Array, Document, rotation_of_rpy
 from oracles.planar_linkages import chain, pin_end
-from oracles.running import with_start
+from oracles.running import with_start, wrenches_on
 from oracles.touching import pair, shape
 
 # rad/s, at the crossing.
@@ -575,10 +575,9 @@ def _run(
 ) -> list[MechanismState]:
     """Return the states from (q, v) on."""
     sim, start = _prepared(mechanism, step)
-    nothing = np.zeros((len(sim.mechanism.point_names), 6))
     states = [replace(start, q=q, v=v)]
     for _ in range(steps):
-        states.append(sim.step(states[-1], nothing))
+        states.append(sim.step(states[-1], wrenches_on(sim)))
     return states
 
 

@@ -4,11 +4,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TypeVar
 
 import numpy as np
 from pydantic import BaseModel
 
+from hapticmech_ros.mechanism.motion import ExternalWrenches
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import MechanismState, Simulator
 from oracles.generator import RATE_SIZE, floats
@@ -41,6 +43,17 @@ def with_start(document: Document, q: Array, v: Array | None = None) -> Document
     return document | {"initial_state": start}
 
 
+def with_joints(document: Document, **parts: object) -> Document:
+    """Return the document with these values in each of its hinges and slides."""
+    links = [
+        link | {"joint": link["joint"] | parts}
+        if link["joint"]["type"] in ("revolute", "prismatic")
+        else link
+        for link in document["links"]
+    ]
+    return document | {"links": links}
+
+
 def simulator(
     document: Document, period: float = 1e-3, integrator: str = "rk4", **simulation: object
 ) -> Simulator:
@@ -49,10 +62,19 @@ def simulator(
     return Simulator(scene_from_document(document | {"simulation": step}))
 
 
+def wrenches_on(sim: Simulator, **points: Sequence[float]) -> Array:
+    """Return wrenches (points, 6) that are zero but on points that are named."""
+    return np.array([points.get(name, np.zeros(6)) for name in sim.mechanism.point_names])
+
+
+def unpushed(sim: Simulator) -> ExternalWrenches:
+    """Return what a step takes where nothing is pushed."""
+    return ExternalWrenches(wrenches_on(sim))
+
+
 def run(sim: Simulator, duration: float, wrenches: Array | None = None) -> list[MechanismState]:
     """Return the states from the start to ``duration``, wrenches held (points, 6)."""
-    points = len(sim.mechanism.point_names)
-    held = np.zeros((points, 6)) if wrenches is None else wrenches
+    held = wrenches_on(sim) if wrenches is None else wrenches
     states = [sim.initial_state()]
     for _ in range(round(duration / sim.period)):
         states.append(sim.step(states[-1], held))

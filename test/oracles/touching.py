@@ -93,6 +93,12 @@ def run(document, duration, every=1, wrenches=None):
     return sim, running.run(sim, duration, wrenches)[::every]
 
 
+def run_with_energies(document, duration, every=1):
+    """Return the simulator, the states on the way, and what is held at each (n,), J."""
+    sim, states = run(document, duration, every)
+    return sim, states, np.array([held(sim, state) for state in states])
+
+
 def on_links(sim, before, after):
     """Return what contacts do to links in a step, at their origins, by points and forces alone."""
     links, found, wrenches = {one.name: one.link for one in sim.scene.shapes}, after.touching, {}

@@ -7,10 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
+from commands import ran
 from hapticmech_ros import load_scene
-from hapticmech_ros.cli import app
 from hapticmech_ros.plan.scene_plan import check_scene
 from hapticmech_ros.scene import document_of, scene_from_document
 
@@ -108,28 +107,23 @@ def test_redundant_closures_are_told():
     assert found.warnings == ("redundant closures: again",)
 
 
-def test_the_command_prints_the_same(tmp_path):
-    found = CliRunner().invoke(app, ["scene", "check", "five_bar"])
-    assert found.exit_code == 0, found.output
-    assert "mobility 2" in found.output
-    assert "accuracy of steps" in found.output
-    told = json.loads(CliRunner().invoke(app, ["scene", "check", "five_bar", "--json"]).output)
+def test_the_command_prints_the_same():
+    shown = ran("scene", "check", "five_bar")
+    assert "mobility 2" in shown
+    assert "accuracy of steps" in shown
+    told = json.loads(ran("scene", "check", "five_bar", "--json"))
     assert (told["mobility"], told["notes"]) == (2, [])
     assert told["accuracy"]["position_m"] < 1e-12
 
 
 def test_steps_in_which_nothing_moves_are_not_called_accurate():
-    urdf = Path(__file__).parents[2] / "examples" / "pantograph.urdf"
-    found = CliRunner().invoke(app, ["scene", "check", str(urdf)])
-    assert found.exit_code == 0, found.output
-    assert "not tested: nothing moves" in " ".join(found.output.split())
-    assert "energy of steps" not in found.output
+    shown = ran("scene", "check", Path(__file__).parents[2] / "examples" / "pantograph.urdf")
+    assert "not tested: nothing moves" in " ".join(shown.split())
+    assert "energy of steps" not in shown
 
 
-def test_the_list_has_each_scene_and_its_purpose():
-    found = CliRunner().invoke(app, ["scene", "list"])
-    assert found.exit_code == 0, found.output
+@pytest.mark.parametrize("name", ["five_bar", "spatial_arm"])
+def test_the_list_has_each_scene_and_its_purpose(name):
     # Long lines are folded to the terminal's width.
-    listed = " ".join(found.output.split())
-    for name in ("five_bar", "spatial_arm"):
-        assert f"{name} {load_scene(name).description}" in listed
+    listed = " ".join(ran("scene", "list").split())
+    assert f"{name} {load_scene(name).description}" in listed

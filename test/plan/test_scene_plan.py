@@ -9,10 +9,9 @@ from collections import Counter
 from dataclasses import asdict
 
 import pytest
-from typer.testing import CliRunner
 
 from benchmarks.accuracy import cases, n_four_bar
-from hapticmech_ros.cli import app
+from commands import ran
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.loading import load_scene, shipped_scenes
 from hapticmech_ros.mechanism import Mechanism
@@ -124,11 +123,9 @@ def test_another_point_can_be_held_and_an_unknown_one_cannot() -> None:
 
 
 def test_the_command_prints_the_plan() -> None:
-    run = CliRunner().invoke(app, ["scene", "plan", "four_bar_closing", "--json"])
-    assert run.exit_code == 0
-    assert json.loads(run.stdout) == json.loads(
-        json.dumps(asdict(plan_scene(load_scene("four_bar_closing"))))
-    )
-    text = CliRunner().invoke(app, ["scene", "plan", "four_bar_closing"]).stdout
+    printed = json.loads(ran("scene", "plan", "four_bar_closing", "--json"))
+    plan = asdict(plan_scene(load_scene("four_bar_closing")))
+    assert printed == json.loads(json.dumps(plan))
+    text = ran("scene", "plan", "four_bar_closing")
     for words in ("serial", "3 revolute", "open, can latch", "no closure is active"):
         assert words in text

@@ -8,15 +8,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
+from commands import ran
 from hapticmech_ros import Session, load_scene
-from hapticmech_ros.cli import app
 from hapticmech_ros.errors import HapticMechError, InvalidInputError, SceneError
 from hapticmech_ros.plan import step_accuracy
 from hapticmech_ros.plan.step_accuracy import StepChoice, StepChoices, experiment_run, step_choices
 
 SHORT = "experiment.duration=0.4"
+COMMAND = ("scene", "steps", "two_link", "--set", SHORT)
 
 
 def clock():
@@ -74,46 +74,36 @@ def test_json_has_no_numbers_that_json_has_not(monkeypatch):
         return experiment_run(scene)
 
     monkeypatch.setattr(step_accuracy, "experiment_run", run)
-    command = ["scene", "steps", "two_link", "--set", SHORT, "--error", "1e-5", "--json"]
-    said = CliRunner().invoke(app, command)
-    assert said.exit_code == 0, said.output
-    found = json.loads(said.stdout, parse_constant=pytest.fail)
+    found = json.loads(ran(*COMMAND, "--error", "1e-5", "--json"), parse_constant=pytest.fail)
     (failed,) = (one for one in found["tried"] if one["failed"])
     assert failed["integrator"] == "rk2"
     assert failed["error_m"] is failed["time_s"] is None
 
 
 def test_the_command_says_what_to_set():
-    command = ["scene", "steps", "two_link", "--set", SHORT, "--error", "1e-5"]
-    shown = CliRunner().invoke(app, command)
-    assert shown.exit_code == 0, shown.output
-    assert "--set simulation.integrator=" in shown.output
+    shown = ran(*COMMAND, "--error", "1e-5")
+    assert "--set simulation.integrator=" in shown
     # A scene with it does what was promised.
-    words = shown.output.split()
-    changes = [word for word in words if word.startswith("simulation.")]
+    changes = [word for word in shown.split() if word.startswith("simulation.")]
     assert len(changes) == 2
     load_scene("two_link", changes=changes)
 
 
 def test_a_copy_of_the_scene_has_what_takes_the_least_time(tmp_path):
-    out, base = tmp_path / "mine.yaml", ["scene", "steps", "two_link", "--set", SHORT]
-    said = CliRunner().invoke(app, [*base, "--error", "1e-5", "--out", str(out), "--json"])
-    assert said.exit_code == 0, said.output
-    best, mine = json.loads(said.stdout)["best"], load_scene(out)
+    command = [*COMMAND, "--error", "1e-5", "--out", tmp_path / "mine.yaml"]
+    best = json.loads(ran(*command, "--json"))["best"]
+    mine = load_scene(tmp_path / "mine.yaml")
     assert best["error_m"] <= 1e-5
     assert mine.simulation.integrator == best["integrator"]
     assert mine.simulation.substeps == best["substeps"]
     assert mine.experiment.duration == 0.4
     # A file that exists is not written over.
-    again = CliRunner().invoke(app, [*base, "--error", "1e-5", "--out", str(out)])
-    assert isinstance(again.exception, SceneError)
-    assert "exists" in str(again.exception)
+    with pytest.raises(SceneError, match="exists"):
+        ran(*command)
 
 
 def test_no_copy_is_made_where_nothing_is_accurate_enough(tmp_path, monkeypatch):
     monkeypatch.setattr(step_accuracy, "MOST_SUBSTEPS", 1)
     monkeypatch.setattr(step_accuracy, "get_args", lambda _: ["semi_implicit_euler"])
-    out = tmp_path / "mine.yaml"
-    command = ["scene", "steps", "two_link", "--set", SHORT, "--error", "1e-7", "--out", str(out)]
-    assert CliRunner().invoke(app, command).exit_code == 1
-    assert not out.exists()
+    ran(*COMMAND, "--error", "1e-7", "--out", tmp_path / "mine.yaml", code=1)
+    assert not list(tmp_path.iterdir())

@@ -62,17 +62,26 @@ def test_coupled_joints_are_locked_where_they_start(tmp_path):
     np.testing.assert_allclose(state.bias_force, expected, atol=1e-12)
 
 
-def test_gravity_is_the_files_or_what_is_given(tmp_path):
-    assert load_arm(ROBOTS["iiwa14"]).gravity == (0.0, 0.0, -9.81)
-    # The shipped scene is to be felt: without weight.
-    assert load_arm("ur5e").gravity == (0.0, 0.0, 0.0)
-    assert load_arm("ur5e", np.array([0.0, 9.0, 0.0])).gravity == (0.0, 9.0, 0.0)
-    urdf = str(gripper(tmp_path))
-    assert load_arm(urdf).gravity == (0.0, 0.0, -9.81)
-    assert load_arm(urdf, np.zeros(3)).gravity == (0.0, 0.0, 0.0)
-    for wrong in (np.zeros(2), np.array([0.0, np.nan, 0.0])):
-        with pytest.raises(InvalidInputError, match="gravity"):
-            load_arm(urdf, wrong)
+@pytest.mark.parametrize(
+    ("file", "given", "expected"),
+    [
+        (ROBOTS["iiwa14"], None, (0.0, 0.0, -9.81)),
+        # The shipped scene is to be felt: without weight.
+        ("ur5e", None, (0.0, 0.0, 0.0)),
+        ("ur5e", (0.0, 9.0, 0.0), (0.0, 9.0, 0.0)),
+        ("", None, (0.0, 0.0, -9.81)),
+        ("", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+    ],
+)
+def test_gravity_is_the_files_or_what_is_given(tmp_path, file, given, expected):
+    gravity = () if given is None else (np.array(given),)
+    assert load_arm(file or str(gripper(tmp_path)), *gravity).gravity == expected
+
+
+@pytest.mark.parametrize("wrong", [np.zeros(2), np.array([0.0, np.nan, 0.0])])
+def test_gravity_that_is_none_is_refused(wrong):
+    with pytest.raises(InvalidInputError, match="gravity"):
+        load_arm("ur5e", wrong)
 
 
 def test_a_panda_with_its_gripper_is_an_arm_of_seven_joints():

@@ -57,10 +57,10 @@ def test_a_balanced_disturbance_does_not_accelerate_the_point():
     np.testing.assert_allclose(reached, command.asked, rtol=1e-9, atol=1e-9)
 
 
-def test_a_rate_that_the_period_does_not_allow_is_refused():
-    for rate in (-1.0, 1000.0, np.nan):
-        with pytest.raises(InvalidInputError, match="rate"):
-            DisturbanceObserver(robot("iiwa14"), rate, 1e-3)
+@pytest.mark.parametrize("rate", [-1.0, 1000.0, np.nan])
+def test_a_rate_that_the_period_does_not_allow_is_refused(rate):
+    with pytest.raises(InvalidInputError, match="rate"):
+        DisturbanceObserver(robot("iiwa14"), rate, 1e-3)
 
 
 def test_an_observer_without_a_rate_keeps_what_it_began_with():

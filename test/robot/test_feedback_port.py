@@ -92,7 +92,9 @@ def test_a_mechanism_at_rest_feels_the_whole_contact():
     assert port.given == 0.0
 
 
-def test_settings_that_are_none_are_refused():
-    for name, value in (("share", 1.5), ("force", -1.0), ("allowance", np.nan), ("period", 0.0)):
-        with pytest.raises(InvalidInputError, match=name):
-            settings(**{name: value})
+@pytest.mark.parametrize(
+    ("name", "value"), [("share", 1.5), ("force", -1.0), ("allowance", np.nan), ("period", 0.0)]
+)
+def test_settings_that_are_none_are_refused(name, value):
+    with pytest.raises(InvalidInputError, match=name):
+        settings(**{name: value})

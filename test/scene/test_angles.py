@@ -100,6 +100,8 @@ def test_a_sliding_joint_has_no_angle():
         scene_from_document(scene)
 
 
-def test_documents_that_are_no_scene_stay_for_validation():
-    for document in ({"links": 3}, {"links": [3, {"joint": 4}]}, {"initial_state": {"q": 5}}):
-        assert with_angles(document) == document
+@pytest.mark.parametrize(
+    "document", [{"links": 3}, {"links": [3, {"joint": 4}]}, {"initial_state": {"q": 5}}]
+)
+def test_documents_that_are_no_scene_stay_for_validation(document):
+    assert with_angles(document) == document

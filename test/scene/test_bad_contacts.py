@@ -38,38 +38,45 @@ def test_a_broken_rule_names_key_and_rule(path, value, rule):
     assert any(rule in p.rule for p in problems if p.key_path == wanted), problems
 
 
-def test_two_half_spaces_do_not_touch():
+MESH = "shapes[1].geometry.file"
+
+
+@pytest.mark.parametrize(
+    ("geometry", "key", "rule"),
+    [
+        (
+            {"kind": "half_space"},
+            "contacts[0].b",
+            "two half-spaces do not touch in points: one of the two must be bounded",
+        ),
+        ({"kind": "mesh", "file": "nowhere.stl"}, MESH, "no such file"),
+        (
+            {"kind": "mesh", "file": "body.xyz", "scale": [1.0, 0.0, -1.0]},
+            "shapes[1].geometry.scale[1]",
+            "must not be zero",
+        ),
+        (
+            {"kind": "mesh", "file": "body.xyz", "scale": [1.0, 2.0, -1.0]},
+            MESH,
+            "a mesh's file must end in one of ('.stl', '.obj', '.dae', '.off')",
+        ),
+        (
+            {"kind": "mesh", "file": "large.stl", "scale": [1.0, 2.0, -1.0]},
+            MESH,
+            f"a mesh's file must have at most {MESH_SIZE_LIMIT} bytes (32000001)",
+        ),
+    ],
+    ids=["two half-spaces", "not there", "flattened", "of no known kind", "large"],
+)
+def test_a_geometry_that_does_not_touch_is_refused(tmp_path, monkeypatch, geometry, key, rule):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "body.xyz").touch()
+    with (tmp_path / "large.stl").open("wb") as written:
+        written.truncate(MESH_SIZE_LIMIT + 1)
     document = on_floor("sphere")
-    document["shapes"][1]["geometry"] = {"kind": "half_space"}
-    (found,) = problems_of(document)
-    assert found.key_path == "contacts[0].b"
-    assert "two half-spaces" in found.rule
-
-
-def test_a_mesh_that_is_not_there():
-    document = on_floor("sphere")
-    document["shapes"][1]["geometry"] = {"kind": "mesh", "file": "nowhere.stl"}
-    (found,) = problems_of(document)
-    assert (found.key_path, found.rule) == ("shapes[1].geometry.file", "no such file")
-
-
-def test_a_mesh_that_is_flattened_or_of_no_known_kind(tmp_path):
-    document = on_floor("sphere")
-    file = tmp_path / "body.xyz"
-    file.touch()
-    geometry = {"kind": "mesh", "file": str(file), "scale": [1.0, 0.0, -1.0]}
     document["shapes"][1]["geometry"] = geometry
     (found,) = problems_of(document)
-    assert (found.key_path, found.rule) == ("shapes[1].geometry.scale[1]", "must not be zero")
-    geometry["scale"] = [1.0, 2.0, -1.0]
-    (found,) = problems_of(document)
-    assert "must end in one of ('.stl'," in found.rule
-    large = tmp_path / "body.stl"
-    with large.open("wb") as written:
-        written.truncate(MESH_SIZE_LIMIT + 1)
-    geometry["file"] = str(large)
-    (found,) = problems_of(document)
-    assert found.rule == f"a mesh's file must have at most {MESH_SIZE_LIMIT} bytes (32000001)"
+    assert (found.key_path, found.rule) == (key, rule)
 
 
 @pytest.mark.parametrize(

@@ -11,11 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from typer.testing import CliRunner
 
+from commands import ran
 from hapticmech_ros import load_scene
 from hapticmech_ros.analysis import impedance
-from hapticmech_ros.cli import app
 from hapticmech_ros.cli.console import with_changes as changed_copies
 from hapticmech_ros.errors import InvalidInputError, SceneError
 from hapticmech_ros.scene import document_of
@@ -86,18 +85,13 @@ def test_a_scene_has_what_was_set_and_the_rules_hold():
         load_scene("five_bar", changes=["hand.forse=[1, 0, 0]"])
 
 
-def run(*arguments):
-    return CliRunner().invoke(app, list(arguments), catch_exceptions=False)
-
-
 def test_a_copy_is_the_scene_with_what_was_set(tmp_path):
     path = tmp_path / "mine.yaml"
-    done = run("scene", "copy", "five_bar", str(path), "--set", "gravity=[0, -1, 0]")
-    assert done.exit_code == 0
+    ran("scene", "copy", "five_bar", path, "--set", "gravity=[0, -1, 0]")
     expected = load_scene("five_bar", changes=["gravity=[0, -1, 0]"])
     assert document_of(load_scene(path)) == document_of(expected)
     with pytest.raises(SceneError, match="exists"):
-        run("scene", "copy", "five_bar", str(path))
+        ran("scene", "copy", "five_bar", path)
 
 
 def test_a_copy_finds_the_model_elsewhere(tmp_path):
@@ -107,9 +101,8 @@ def test_a_copy_finds_the_model_elsewhere(tmp_path):
         shutil.copy(EXAMPLES / name, there)
     (tmp_path / "here").mkdir()
     copy = tmp_path / "here" / "copy.yaml"
-    assert run("scene", "copy", str(there / "pantograph.yaml"), str(copy)).exit_code == 0
-    expected = document_of(load_scene(there / "pantograph.yaml"))
-    assert document_of(load_scene(copy)) == expected
+    ran("scene", "copy", there / "pantograph.yaml", copy)
+    assert document_of(load_scene(copy)) == document_of(load_scene(there / "pantograph.yaml"))
 
 
 @pytest.mark.parametrize(
@@ -117,20 +110,17 @@ def test_a_copy_finds_the_model_elsewhere(tmp_path):
 )
 def test_an_experiment_pushes_where_the_scene_does_not_and_says_so(tmp_path, options, force):
     idle = ("--set", "hand={kind: constant_wrench, start_delay: 0.0}")
-    done = run(
-        *("experiment", "five_bar", "--duration", "0.2", "--out", str(tmp_path / "out")),
-        *(*idle, *options),
-    )
-    assert done.exit_code == 0, done.output
-    assert ("the scene's hand does nothing" in done.output) == (not options)
+    words = ("experiment", "five_bar", "--duration", "0.2", "--out", tmp_path / "out")
+    shown = ran(*words, *idle, *options)
+    assert ("the scene's hand does nothing" in shown) == (not options)
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert (summary["energy"]["exchanged_j"] > 1e-12) == (force > 0.0)
 
 
-def test_a_push_that_is_none_is_refused(tmp_path):
-    for text in ("1,2", "a,b,c", "nan,0,0"):
-        with pytest.raises(InvalidInputError, match="three numbers"):
-            run("experiment", "five_bar", "--push", text, "--out", str(tmp_path / "out"))
+@pytest.mark.parametrize("text", ["1,2", "a,b,c", "nan,0,0"])
+def test_a_push_that_is_none_is_refused(tmp_path, text):
+    with pytest.raises(InvalidInputError, match="three numbers"):
+        ran("experiment", "five_bar", "--push", text, "--out", tmp_path / "out")
 
 
 @pytest.fixture
@@ -145,14 +135,12 @@ def soon_measured(monkeypatch):
     "command", [("impedance",), ("passivity", "--seconds", "0.1", "--processes", "1")], ids="-".join
 )
 def test_studies_leave_the_changed_scene_beside_their_results(tmp_path, command):
-    other = tmp_path / "other"
-    other.mkdir()
-    assert run("scene", "copy", "two_link", str(other / "two_link.yaml")).exit_code == 0
-    scenes = ("two_link", str(other / "two_link.yaml"))
+    other = tmp_path / "other" / "two_link.yaml"
+    other.parent.mkdir()
+    ran("scene", "copy", "two_link", other)
     for mass in ("0.5", "0.6"):
-        words = ("feel", *command, *scenes, "--set", f"device.mass={mass}", "--delays", "1")
-        done = run(*words, "--out", str(tmp_path / "out"))
-        assert done.exit_code == 0, done.output
+        words = ("feel", *command, "two_link", other, "--set", f"device.mass={mass}")
+        ran(*words, "--delays", "1", "--out", tmp_path / "out")
         for name in ("two_link", "two_link_1"):
             changed = load_scene(tmp_path / "out" / "scenes" / f"{name}.yaml")
             assert changed.device.mass == float(mass)
@@ -178,11 +166,9 @@ def test_a_changed_copy_can_be_changed_again_and_none_replaces_another(tmp_path)
 def test_a_study_feels_what_was_changed(tmp_path):
     felt = []
     for changes in ((), ("--set", "device.mass=1.0")):
-        done = run("feel", "impedance", "five_bar", "--json", *changes, "--out", str(tmp_path))
-        assert done.exit_code == 0, done.output
-        felt.append(
-            [row["ratio_real"] for row in json.loads(done.stdout) if row["loop"] == "device"]
-        )
+        words = ("feel", "impedance", "five_bar", "--json", *changes, "--out", tmp_path)
+        rows = json.loads(ran(*words))
+        felt.append([row["ratio_real"] for row in rows if row["loop"] == "device"])
     assert not np.allclose(felt[0], felt[1])
 
 
@@ -190,7 +176,7 @@ def test_a_sweep_is_of_the_changed_scene(tmp_path):
     felt = []
     for changes in ((), ("--set", "links.link1.inertial.mass=5.0")):
         words = ("sweep", "two_link", "--joint", "joint2=0.5:1.0:3", "--processes", "1")
-        assert run(*words, *changes, "--out", str(tmp_path)).exit_code == 0
+        ran(*words, *changes, "--out", tmp_path)
         with np.load(tmp_path / "sweep.npz") as found:
             felt.append(found["inverse_inertia"])
     assert not np.allclose(felt[0], felt[1])

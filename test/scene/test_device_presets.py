@@ -4,9 +4,8 @@
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from hapticmech_ros.cli import app
+from commands import ran
 from hapticmech_ros.plan.scene_plan import check_scene
 from hapticmech_ros.scene import document_of, scene_from_document
 from hapticmech_ros.scene.device import Device, device_presets
@@ -87,6 +86,5 @@ def test_an_arm_starts_from_measured_figures(name):
 
 
 def test_the_command_lists_them():
-    found = CliRunner().invoke(app, ["device", "list"])
-    assert found.exit_code == 0, found.output
-    assert all(name in found.output for name in NAMES)
+    shown = ran("device", "list")
+    assert all(name in shown for name in NAMES)

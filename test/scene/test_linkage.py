@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from typer.testing import CliRunner
 
+from commands import ran
 from hapticmech_ros import Simulator, load_scene
-from hapticmech_ros.cli import app
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import scene_from_document
@@ -231,18 +230,25 @@ def test_errors_name_the_point_or_bar(change, said):
         drawn({**FOUR_BAR, **change})
 
 
-def test_points_of_other_keys_are_checked_too():
-    with pytest.raises(SceneError, match=r"operational_points\[0\].point: no such point"):
-        drawn(FOUR_BAR, operational_points=[{"name": "handle", "point": "Q"}])
-    with pytest.raises(SceneError, match="links come from the linkage"):
-        drawn(FOUR_BAR, links=[])
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (
+            {"operational_points": [{"name": "handle", "point": "Q"}]},
+            r"operational_points\[0\].point: no such point",
+        ),
+        ({"links": []}, "links come from the linkage"),
+    ],
+)
+def test_points_of_other_keys_are_checked_too(more, said):
+    with pytest.raises(SceneError, match=said):
+        drawn(FOUR_BAR, **more)
 
 
 def test_a_copy_can_be_written_out(tmp_path):
     path, copy = tmp_path / "drawn.yaml", tmp_path / "copy.yaml"
     path.write_text(yaml.safe_dump(document(FOUR_BAR)), encoding="utf-8")
-    result = CliRunner().invoke(app, ["scene", "copy", str(path), str(copy), "--expanded"])
-    assert result.exit_code == 0, result.output
+    ran("scene", "copy", path, copy, "--expanded")
     assert "linkage" not in yaml.safe_load(copy.read_text(encoding="utf-8"))
     assert load_scene(copy) == load_scene(path)
     moved = load_scene(path, changes=["linkage.points.B=[0.02, 0.05]"])

@@ -9,10 +9,9 @@ from typing import Annotated, get_args
 
 import pytest
 from pydantic import TypeAdapter
-from typer.testing import CliRunner
 
+from commands import ran
 from hapticmech_ros import load_scene
-from hapticmech_ros.cli import app
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.files.yaml_text import read_yaml
 from hapticmech_ros.loading import shipped_scenes
@@ -22,7 +21,7 @@ from hapticmech_ros.scene.mechanism import JointType, ModelPart
 from hapticmech_ros.scene.part import angle_of
 from hapticmech_ros.scene.validation import written_document
 
-ROOT = Path(__file__).resolve().parents[2]
+PAGE = (Path(__file__).parents[2] / "docs" / "scene-keys.md").read_text(encoding="utf-8")
 
 
 def refs(value):
@@ -67,9 +66,7 @@ def test_shipped_scenes_use_its_keys():
 
 
 def test_the_command_prints_it():
-    found = CliRunner().invoke(app, ["scene", "schema"])
-    assert found.exit_code == 0, found.output
-    assert json.loads(found.output) == json.loads(json.dumps(scene_schema()))
+    assert json.loads(ran("scene", "schema")) == json.loads(json.dumps(scene_schema()))
 
 
 def test_every_key_of_every_part_has_a_meaning_that_editors_show():
@@ -84,16 +81,13 @@ def test_every_key_of_every_part_has_a_meaning_that_editors_show():
 
 
 def test_the_page_of_keys_is_the_models():
-    page = (ROOT / "docs" / "scene-keys.md").read_text(encoding="utf-8")
-    found = CliRunner().invoke(app, ["scene", "schema", "--markdown"])
-    assert found.exit_code == 0, found.output
-    assert found.stdout in page
+    shown = ran("scene", "schema", "--markdown")
+    assert shown in PAGE
     # Each part once, and nothing that leads nowhere.
-    titles = re.findall(r"^## (\w+)$", found.stdout, re.MULTILINE)
+    titles = re.findall(r"^## (\w+)$", shown, re.MULTILINE)
     assert len(set(titles)) == len(titles)
-    assert set(re.findall(r"\(#(\w+)\)", found.stdout)) == {t.lower() for t in titles} - {
-        "scene"
-    } | {"angles"}
+    parts_told = {title.lower() for title in titles} - {"scene"}
+    assert set(re.findall(r"\(#(\w+)\)", shown)) == parts_told | {"angles"}
 
 
 def test_examples_of_the_page_are_values_that_scenes_take():
@@ -107,28 +101,29 @@ def test_examples_of_the_page_are_values_that_scenes_take():
     assert (("Scene", "links")) not in found
 
 
-def test_rules_of_the_page_are_those_that_refuse():
+GAINS = "controller.joint_constraint={}"
+
+
+@pytest.mark.parametrize(
+    ("key", "borne", "refused", "row"),
+    [
+        ("simulation.period", "0.1", "0.1001", "number > 0 and ≤ 0.1"),
+        ("perception.s_off", "5e-2", "1.0", "number > 0 and < 1"),
+        ("simulation.substeps", "1", "0", "whole number ≥ 1 and ≤ 1000"),
+    ],
+)
+def test_rules_of_the_page_are_those_that_refuse(key, borne, refused, row):
     """The bound that the page tells of a number is the one at which it is refused."""
-    gains = "controller.joint_constraint={}"
-    for change in ("simulation.period=0.1", "perception.s_off=5e-2"):
-        load_scene("two_link", changes=[change, gains])
-    for change in ("simulation.period=0.1001", "perception.s_off=1.0", "simulation.substeps=0"):
-        with pytest.raises(SceneError, match=re.escape(change.split("=")[0])):
-            load_scene("two_link", changes=[change, gains])
-    page = (ROOT / "docs" / "scene-keys.md").read_text(encoding="utf-8")
-    for row in (
-        "| `period` | number > 0 and ≤ 0.1 |",
-        "| `s_off` | number > 0 and < 1 |",
-        "| `substeps` | whole number ≥ 1 and ≤ 1000 |",
-    ):
-        assert row in page
+    load_scene("two_link", changes=[f"{key}={borne}", GAINS])
+    with pytest.raises(SceneError, match=re.escape(key)):
+        load_scene("two_link", changes=[f"{key}={refused}", GAINS])
+    assert f"| `{key.split('.')[1]}` | {row} |" in PAGE
 
 
 def test_every_key_has_an_example_that_it_accepts():
     """Keys whose values are parts of their own have tables of their own instead."""
-    page = (ROOT / "docs" / "scene-keys.md").read_text(encoding="utf-8")
     known, name, seen = {**parts(), "Scene": Scene}, "", 0
-    for line in page.splitlines():
+    for line in PAGE.splitlines():
         name = line.removeprefix("## ") if line.startswith("## ") else name
         found = re.fullmatch(r"\| `(\w+)` \| (.*) \| .* \| (?:`([^`]*)`)? \| .* \|", line)
         if found is None or name not in known:

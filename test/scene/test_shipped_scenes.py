@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from ruamel.yaml import YAML
 
 from hapticmech_ros import Simulator, analyse
-from hapticmech_ros.errors import ClosureError, InvalidInputError, SceneError
+from hapticmech_ros.errors import ClosureError, InvalidInputError
 from hapticmech_ros.loading import load_scene, shipped_scenes
 from hapticmech_ros.scene import document_of, scene_from_document
 
@@ -114,15 +114,6 @@ def test_a_loop_out_of_reach_cannot_close(planar):
     assert caught.value.closures == ("ground_pin",)
     # Stretched towards the pin it is 0.055 m short; the search may stop anywhere beyond.
     assert 0.055 - 1e-9 <= caught.value.residual < 1.0
-
-
-def test_something_must_move(spatial):
-    spatial["links"] = spatial["links"][:1]
-    spatial["links"][0]["joint"]["type"] = "fixed"
-    spatial["operational_points"][0]["link"] = "shoulder_yaw"
-    spatial["initial_state"]["q"] = {}
-    with pytest.raises(SceneError, match="does not move"):
-        scene_from_document(spatial)
 
 
 def test_numbers_may_be_written_without_a_point(planar):

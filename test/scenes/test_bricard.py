@@ -2,24 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bricard's linkage: mobile where the count of freedoms says that it is not; one way to go."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 
-from hapticmech_ros import Mechanism, analyse, load_scene
+from hapticmech_ros import analyse, load_scene
 from hapticmech_ros.mechanism.redundancy import redundancy
 from hapticmech_ros.scene import document_of
 from oracles.jacobians import Jacobians
-from oracles.sessions import whole
+
+NAME = "bricard"
 
 RODS = 5
 ANGLES = np.linspace(-0.5, 1.5, 9)
-
-
-@cache
-def mechanism():
-    return Mechanism(load_scene("bricard"))
 
 
 def way(angle):
@@ -42,24 +36,24 @@ def twist_and_inertia(angle):
 
 
 @pytest.mark.parametrize("angle", ANGLES)
-def test_it_moves_though_it_should_not(angle):
+def test_it_moves_though_it_should_not(angle, mechanism):
     """Counted: 6 (links - 1) - 5 hinges = 6 · 5 - 5 · 6 = 0. Found: five rows of rank four."""
     q, rates = way(angle)
-    closed = mechanism().initially_active
-    terms = mechanism().closing_terms(q, closed)
+    closed = mechanism.initially_active
+    terms = mechanism.closing_terms(q, closed)
     assert terms.error < 1e-14
     assert np.abs(terms.jacobian @ rates).max() < 1e-13
-    found = redundancy(mechanism(), q, closed)
-    assert (mechanism().nv, found.rank, found.mobility) == (5, 4, 1)
+    found = redundancy(mechanism, q, closed)
+    assert (mechanism.nv, found.rank, found.mobility) == (5, 4, 1)
     counted = 6 * RODS - 5 * (RODS + 1)
     assert counted == 0
 
 
 @pytest.mark.parametrize("angle", ANGLES)
-def test_one_direction_is_free_and_five_are_held(angle):
+def test_one_direction_is_free_and_five_are_held(angle, mechanism):
     """X is the corner's twist times its transpose, over the inertia of all rods."""
     twist, inertia = twist_and_inertia(angle)
-    found = analyse(mechanism(), way(angle)[0])
+    found = analyse(mechanism, way(angle)[0])
     expected = np.outer(twist, twist) / inertia
     # Moments stand in the file with seven digits.
     assert found.inverse_inertia == pytest.approx(expected, abs=1e-6 * expected.max())
@@ -81,8 +75,7 @@ def test_the_mass_felt_is_what_the_scene_promises():
     assert inertia / (twist[:3] @ twist[:3]) == pytest.approx(0.664, abs=0.001)
 
 
-def test_it_keeps_to_its_way():
-    run = whole("bricard")
+def test_it_keeps_to_its_way(run):
     q = run.of(lambda s: s.mechanism.q)
     assert np.ptp(q[:, 0]) > 1.2
     expected = np.array([way(angle)[0] for angle in q[::50, 0]])
@@ -91,9 +84,8 @@ def test_it_keeps_to_its_way():
     assert set(run.count) == {5}
 
 
-def test_a_push_off_the_way_is_given_back():
+def test_a_push_off_the_way_is_given_back(run):
     """In the middle of a chord the hand pulls aside by several N, and the joints hold it."""
-    run = whole("bricard")
     off = []
     for sample in run.samples[::25]:
         twist, _ = twist_and_inertia(sample.mechanism.q[0])

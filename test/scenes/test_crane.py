@@ -10,7 +10,8 @@ from hapticmech_ros import Mechanism, Simulator, analyse, load_scene
 from hapticmech_ros.operational.observation import rigid_count
 from hapticmech_ros.scene import document_of, scene_from_document
 from oracles import running, touching
-from oracles.sessions import whole
+
+NAME = "crane"
 
 TROLLEY, LOAD, MOMENT = 1.5, 0.6, 3.6e-4
 ROPE, HOOK, SIDE = 0.25, 0.03, 0.06
@@ -131,9 +132,8 @@ def lean_of(q):
     return np.arcsin((hook - (q[0] - RAIL)) / ROPE)
 
 
-def test_the_wall_is_felt_at_the_load():
+def test_the_wall_is_felt_at_the_load(run):
     """Pressed against it for a second, hand, device and wall do the same."""
-    run = whole("crane")
     touching = run.of(lambda s: s.contact_wrench[0])
     assert np.abs(touching[run.time < 1.5]).max() == 0.0
     pressed = (run.time > 3.0) & (run.time < 3.7)
@@ -156,9 +156,8 @@ def test_the_wall_is_felt_at_the_load():
     assert place.mean() == pytest.approx(WALL - 0.5 * SIDE + depth, abs=1e-4)
 
 
-def test_hitting_the_wall_is_felt_at_once():
+def test_hitting_the_wall_is_felt_at_once(run):
     """In the tick after the first contact its wrench is in what the device does."""
-    run = whole("crane")
     touching = run.of(lambda s: s.contact_wrench[0])
     hit = int(np.argmax(touching < 0.0))
     before, at = run.samples[hit - 1], run.samples[hit]
@@ -167,9 +166,8 @@ def test_hitting_the_wall_is_felt_at_once():
     assert change < 0.8 * touching[hit]
 
 
-def test_the_rope_comes_and_goes():
+def test_the_rope_comes_and_goes(run):
     """The count falls where the rope leans and rises where it hangs, and ends as it began."""
-    run = whole("crane")
     assert {(before, after) for _, before, after in run.changes} == {(0, 1), (1, 0)}
     assert np.abs(run.of(lambda s: lean_of(s.mechanism.q))).max() > 0.15
     assert run.count[0] == run.count[-1] == 1

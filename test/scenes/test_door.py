@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import Mechanism, Simulator, analyse, load_scene
-from oracles.sessions import SessionRun, whole
+from oracles.sessions import SessionRun
+
+NAME = "door"
 
 MASS, WIDTH, THICK = 0.9, 0.2, 0.018
 KNOB = np.array([0.17, -0.03, 0.0])
@@ -44,20 +46,18 @@ def test_the_knob_is_heavy_along_its_circle_and_held_across_it(angle):
     assert twist @ wrenches == pytest.approx(np.zeros(5), abs=1e-12)
 
 
-def test_the_hinges_carry_the_weight():
+def test_the_hinges_carry_the_weight(run):
     """Let go of, the door stays where it is, and the hand has nothing to carry."""
     simulator = Simulator(load_scene("door"))
     start = simulator.initial_state()
     end = simulator.run(start, 200).end
     assert np.array_equal(end.q, start.q)
-    run = whole("door")
     waiting = run.of(lambda s: s.output.device)[run.time < 0.25]
     assert np.abs(waiting).max() == 0.0
 
 
-def test_the_stop_is_felt_where_the_door_ends():
+def test_the_stop_is_felt_where_the_door_ends(run):
     """The hand rests against the stop: moment of the spring = what hand and device hold at r."""
-    run = whole("door")
     beyond = run.of(lambda s: s.mechanism.q[0]) - STOP
     resting = (run.time > 2.1) & (run.time < 2.4)
     assert beyond[resting].min() > 0.005
@@ -71,9 +71,8 @@ def test_the_stop_is_felt_where_the_door_ends():
     assert sample.hand_wrench == pytest.approx(-sample.output.device, abs=1e-3)
 
 
-def test_a_pull_across_the_circle_is_felt_and_moves_nothing():
+def test_a_pull_across_the_circle_is_felt_and_moves_nothing(run):
     """The hand's way is the chord: in its middle it pulls inwards, by springs, through 9 mm."""
-    run = whole("door")
     sample = run.at(1.0)
     place, tangent = knob_at(sample.mechanism.q[0])
     inwards = -place / np.linalg.norm(place)
@@ -86,8 +85,7 @@ def test_a_pull_across_the_circle_is_felt_and_moves_nothing():
     assert sample.point.twist[:3] @ tangent > 0.05
 
 
-def test_the_latch_catches_and_takes_the_last_freedom():
-    run = whole("door")
+def test_the_latch_catches_and_takes_the_last_freedom(run):
     closed = run.of(lambda s: s.mechanism.active[0])
     caught = int(np.argmax(closed))
     before, after = run.samples[caught - 1].mechanism, run.samples[caught].mechanism
@@ -103,9 +101,8 @@ def test_the_latch_catches_and_takes_the_last_freedom():
     assert np.abs(run.samples[-1].mechanism.v).max() < 1e-12
 
 
-def test_the_latch_takes_the_energy_of_the_door():
+def test_the_latch_takes_the_energy_of_the_door(run):
     """All of it: ½ I ω² just before, to what friction and damping take of ω in one more step."""
-    run = whole("door")
     caught = int(np.argmax(run.of(lambda s: s.mechanism.active[0])))
     speed = run.samples[caught - 1].mechanism.v[0]
     loss = run.samples[-1].mechanism.account.latch_loss

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import analyse
-from oracles.sessions import whole
+
+NAME = "peg_in_hole"
 
 MASS, MOMENT, HANDLE = 1.0, 1.2e-3, 0.05
 WIDTH, LENGTH, HOLE, DEPTH = 0.02, 0.06, 0.0206, 0.04
@@ -28,8 +29,7 @@ def push_of(sample):
     return sample.hand_wrench[[0, 1, 5]]
 
 
-def test_the_peg_alone_is_a_body_in_the_plane():
-    run = whole("peg_in_hole")
+def test_the_peg_alone_is_a_body_in_the_plane(run):
     sample = run.samples[0]
     found = sample.analysis.inverse_inertia[np.ix_([0, 1, 5], [0, 1, 5])]
     lever = HANDLE**2 / MOMENT
@@ -41,8 +41,7 @@ def test_the_peg_alone_is_a_body_in_the_plane():
     assert set(run.count) == {0}
 
 
-def test_pushed_straight_it_goes_in_and_touches_nothing():
-    run = whole("peg_in_hole")
+def test_pushed_straight_it_goes_in_and_touches_nothing(run):
     in_the_hole = [s for s in run.samples if s.time < FREE and s.mechanism.q[1] < 0.5 * LENGTH]
     depths = [0.5 * LENGTH - sample.mechanism.q[1] for sample in in_the_hole]
     assert max(depths) > 0.9 * DEPTH
@@ -56,13 +55,13 @@ def slip_of(run):
     return run.session._clutch.displacement - began
 
 
-def test_it_stands_on_the_bottom():
+def test_it_stands_on_the_bottom(run):
     """The hand's spring goes 5 mm below it; four corners bear the push, alike."""
-    sample = whole("peg_in_hole").at(DOWN)
+    sample = run.at(DOWN)
     touching = sample.mechanism.touching
     assert touching.pairs.tolist() == [BOTTOM] * 4
     push = -push_of(sample)[1]
-    depth, slip = push / (4.0 * STIFFNESS), slip_of(whole("peg_in_hole"))[1]
+    depth, slip = push / (4.0 * STIFFNESS), slip_of(run)[1]
     assert push == pytest.approx(HAND * (0.005 - depth - slip), rel=AT_REST)
     assert touching.depths == pytest.approx(depth, rel=1e-3)
     assert touching.forces[:, 1] == pytest.approx(push / 4.0, rel=1e-3)
@@ -70,9 +69,9 @@ def test_it_stands_on_the_bottom():
 
 
 @pytest.mark.parametrize("time", [TILTED, JAMMED])
-def test_pulled_aside_it_bears_on_two_points(time):
+def test_pulled_aside_it_bears_on_two_points(time, run):
     """On the right rim and on the left wall, both pushing inwards, within their cones."""
-    sample = whole("peg_in_hole").at(time)
+    sample = run.at(time)
     touching = sample.mechanism.touching
     # At each, the peg's edge along z has two ends.
     assert sorted(touching.pairs.tolist()) == [LEFT, LEFT, RIGHT, RIGHT]
@@ -88,9 +87,9 @@ def test_pulled_aside_it_bears_on_two_points(time):
 
 
 @pytest.mark.parametrize("time", [TILTED, JAMMED])
-def test_two_forces_hold_the_push_and_its_lever(time):
+def test_two_forces_hold_the_push_and_its_lever(time, run):
     """Both sides' wrenches and the hand's add up to none, and each side's is larger."""
-    sample = whole("peg_in_hole").at(time)
+    sample = run.at(time)
     push = push_of(sample)
     left, right = (wrench_of(sample, side) for side in (LEFT, RIGHT))
     assert left + right + push == pytest.approx(np.zeros(3), abs=AT_REST * np.abs(push[0]))
@@ -104,9 +103,9 @@ def test_two_forces_hold_the_push_and_its_lever(time):
 
 
 @pytest.mark.parametrize("time", [DOWN, TILTED, JAMMED])
-def test_what_is_held_is_what_touches(time):
+def test_what_is_held_is_what_touches(time, run):
     """F_c is the contacts' own wrench, the device gives it on, and the hand holds it."""
-    sample = whole("peg_in_hole").at(time)
+    sample = run.at(time)
     contacts = wrench_of(sample, LEFT, RIGHT, BOTTOM)
     size = np.abs(contacts).max()
     assert sample.contact_wrench[[0, 1, 5]] == pytest.approx(contacts, abs=AT_REST * size)
@@ -114,9 +113,9 @@ def test_what_is_held_is_what_touches(time):
     assert push_of(sample) == pytest.approx(-contacts, abs=AT_REST * size)
 
 
-def test_it_tilts_as_far_as_the_clearance_lets_it():
+def test_it_tilts_as_far_as_the_clearance_lets_it(run):
     """Inside · tan + width / cos = hole, and what both contacts give way by."""
-    sample = whole("peg_in_hole").at(TILTED)
+    sample = run.at(TILTED)
     _, y, cosine, sine = sample.mechanism.q
     touching = sample.mechanism.touching
     gives = sum(touching.depths[touching.pairs == side].mean() for side in (LEFT, RIGHT))
@@ -131,9 +130,8 @@ def test_it_tilts_as_far_as_the_clearance_lets_it():
     )
 
 
-def test_it_is_jammed_until_it_comes_straight():
+def test_it_is_jammed_until_it_comes_straight(run):
     """A push of over 1 N does not move the tilted peg; straight, it follows at once."""
-    run = whole("peg_in_hole")
     before, after = run.at(TILTED), run.at(JAMMED)
     pushed = push_of(before)[1] - push_of(after)[1]
     assert pushed > 1.0
@@ -143,8 +141,7 @@ def test_it_is_jammed_until_it_comes_straight():
     assert run.samples[-1].mechanism.q[1] == pytest.approx(0.5 * LENGTH + 0.005, abs=1e-3)
 
 
-def test_energy_is_lost_and_never_found():
-    run = whole("peg_in_hole")
+def test_energy_is_lost_and_never_found(run):
     balance = run.held() + run.lost() - run.work()
     # Work is counted by rates of a step's ends: of some 4 mJ.
     assert np.abs(balance).max() < 1e-8

@@ -2,24 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """A scissor lift: one freedom behind five loops, its height, its mass, the lever of its bars."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 
-from hapticmech_ros import Mechanism, Simulator, analyse, load_scene
+from hapticmech_ros import Simulator, analyse, load_scene
 from hapticmech_ros.mechanism.redundancy import redundancy
-from oracles.sessions import whole
+
+NAME = "scissor_lift"
 
 STAGES, BAR = 3, 0.12
 PLATFORM, ROLLER, BAR_MASS, BAR_MOMENT = 0.8, 0.03, 0.05, 6e-5
 GRAVITY = 9.81
 ANGLES = np.linspace(0.2, 1.2, 7)
-
-
-@cache
-def mechanism():
-    return Mechanism(load_scene("scissor_lift"))
 
 
 def height_of(angle):
@@ -48,18 +42,18 @@ def configuration(angle):
 
 
 @pytest.mark.parametrize("angle", ANGLES)
-def test_it_closes_at_its_height_and_has_one_freedom(angle):
-    q, closed = configuration(angle), mechanism().initially_active
-    assert mechanism().closing_terms(q, closed).error < 1e-15
-    found = redundancy(mechanism(), q, closed)
+def test_it_closes_at_its_height_and_has_one_freedom(angle, mechanism):
+    q, closed = configuration(angle), mechanism.initially_active
+    assert mechanism.closing_terms(q, closed).error < 1e-15
+    found = redundancy(mechanism, q, closed)
     assert (found.rank, found.mobility) == (8, 1)
     # Loops through the bars are needed, the guide is not.
     assert found.wholly_redundant == ("guide_pin",)
 
 
 @pytest.mark.parametrize("angle", ANGLES)
-def test_the_platform_feels_all_that_moves_and_moves_up_and_down_only(angle):
-    found = analyse(mechanism(), configuration(angle), point="platform_rim")
+def test_the_platform_feels_all_that_moves_and_moves_up_and_down_only(angle, mechanism):
+    found = analyse(mechanism, configuration(angle), point="platform_rim")
     expected = np.zeros((6, 6))
     expected[1, 1] = 1.0 / mass_of(angle)
     # Rank 8 of 10 rows of condition up to 1e2, and D's up to 1e3.
@@ -69,20 +63,20 @@ def test_the_platform_feels_all_that_moves_and_moves_up_and_down_only(angle):
 
 
 @pytest.mark.parametrize("angle", ANGLES)
-def test_the_foot_feels_it_over_the_lever(angle):
-    found = analyse(mechanism(), configuration(angle), point="foot_grip")
+def test_the_foot_feels_it_over_the_lever(angle, mechanism):
+    found = analyse(mechanism, configuration(angle), point="foot_grip")
     mass = mass_of(angle) * lever_of(angle) ** 2
     assert 1.0 / found.inverse_inertia[0, 0] == pytest.approx(mass, rel=1e-9)
 
 
-def test_the_lift_weighs_nothing():
+def test_the_lift_weighs_nothing(mechanism):
     """A constant force carries it everywhere: let go of at any height, it stays."""
     scene = load_scene("scissor_lift")
     simulator = Simulator(scene)
     lifted = PLATFORM + ROLLER + STAGES * BAR_MASS
     # The file's force has six digits.
     assert scene.links[7].joint.effort == pytest.approx(lifted * GRAVITY, rel=1e-6)
-    closed = mechanism().initially_active
+    closed = mechanism.initially_active
     for angle in ANGLES:
         q = configuration(angle)
         terms = simulator.mechanism.evaluate(q, np.zeros(9), closed)
@@ -93,8 +87,7 @@ def test_the_lift_weighs_nothing():
     assert np.abs(end.q - start.q).max() < 1e-6
 
 
-def test_it_rises_as_its_bars_turn():
-    run = whole("scissor_lift")
+def test_it_rises_as_its_bars_turn(run):
     q = run.of(lambda s: s.mechanism.q)
     assert np.ptp(q[:, 7]) > 0.12
     assert q[:, 7] == pytest.approx(height_of(q[:, 0]), abs=1e-12)
@@ -103,12 +96,11 @@ def test_it_rises_as_its_bars_turn():
     assert set(run.count) == {2}
 
 
-def test_the_hand_feels_the_mass_on_its_way():
+def test_the_hand_feels_the_mass_on_its_way(run):
     """What hand and device do at the device goes into m ẍ of the lift, to the damping of its pins.
 
     The session's own mass: force over acceleration, by least squares over the moves.
     """
-    run = whole("scissor_lift")
     moving = (run.time > 0.3) & (run.time < 3.0)
     speed = run.of(lambda s: s.device.twist[1])
     push = run.of(lambda s: s.hand_wrench[1])
@@ -120,9 +112,9 @@ def test_the_hand_feels_the_mass_on_its_way():
     assert damping > 0.0
 
 
-def test_a_pull_aside_is_given_back():
+def test_a_pull_aside_is_given_back(run):
     """At the end the hand pulls aside by 4 N, and the lift stands where it is."""
-    sample = whole("scissor_lift").samples[-1]
+    sample = run.samples[-1]
     push = sample.hand_wrench[0]
     assert push > 3.0
     assert sample.output.joint_constraint[0] == pytest.approx(-push, rel=1e-3)

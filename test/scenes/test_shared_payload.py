@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import Simulator, analyse, load_scene
-from hapticmech_ros.plan.scene_plan import check_scene
 from hapticmech_ros.scene import document_of, scene_from_document
 from oracles import closed_form
 from oracles.jacobians import Jacobians
 from oracles.kinematics import skew
-from oracles.sessions import whole
+
+NAME = "shared_payload"
 
 PAYLOAD_MASS, PAYLOAD_MOMENT = 1.0, 1.1e-3
 GRIP = {"link": "payload", "origin": {"xyz": [0.04, 0.0, 0.0]}}
@@ -24,28 +24,10 @@ def document():
     return document_of(load_scene("shared_payload"))
 
 
-def test_the_arms_have_more_joints_than_they_need():
-    found = check_scene(load_scene("shared_payload"))
-    assert (found.nv, found.rank, found.mobility) == (26, 12, 14)
-    assert found.warnings == ()
-    (grasp_schedule,) = found.points
-    # With the payload held, base (6) and both elbows can still move.
-    assert (grasp_schedule.rank, grasp_schedule.count) == (6, 0)
-
-
-@pytest.mark.parametrize("time", [0.0, 0.8, 1.8, 3.6])
-def test_the_hand_feels_payload_arms_and_base(time):
-    sample = whole("shared_payload").at(time)
-    expected = Jacobians(document(), sample.mechanism.q).inverse_inertia(GRIP)
-    difference = np.abs(sample.analysis.inverse_inertia - expected).max()
-    # 26 freedoms, D and closures of condition up to 1e4 together.
-    assert difference < 1e-10 * np.abs(expected).max()
-
-
 @pytest.mark.parametrize("time", [0.0, 1.8, 3.6])
-def test_heavier_than_the_payload_and_lighter_than_all_of_it_in_one_piece(time):
+def test_heavier_than_the_payload_and_lighter_than_all_of_it_in_one_piece(time, run):
     """Inverse inertias in order: of one rigid piece, as it is, of the payload alone."""
-    sample = whole("shared_payload").at(time)
+    sample = run.at(time)
     jacobians = Jacobians(document(), sample.mechanism.q)
     rotation, middle = jacobians.poses["payload"]
     grasp_schedule = middle + rotation @ np.array(GRIP["origin"]["xyz"])
@@ -63,14 +45,6 @@ def test_heavier_than_the_payload_and_lighter_than_all_of_it_in_one_piece(time):
         gain = np.linalg.eigvalsh(lighter - heavier)
         assert gain.min() > -1e-9 * size
         assert gain.max() > 1e-2 * size
-
-
-def test_nothing_is_rigid_on_the_way():
-    run = whole("shared_payload")
-    assert set(run.count) == {0}
-    assert np.abs(run.of(lambda s: s.output.joint_constraint)).max() == 0.0
-    moved = run.of(lambda s: s.point.pose.translation)
-    assert np.ptp(moved, axis=0).min() > 0.03
 
 
 def momentum(mechanism_state):
@@ -101,9 +75,8 @@ def test_the_arms_move_the_whole_by_nothing(integrator, error):
     assert end == pytest.approx(start, abs=0.1 * error)
 
 
-def test_the_hand_moves_the_whole_as_its_mass():
+def test_the_hand_moves_the_whole_as_its_mass(run):
     """The centre of mass of all goes as the hand's and the channels' force, over 11.3 kg."""
-    run = whole("shared_payload")
     h = run.session.period
     # A command acts a period later.
     pushes = run.of(lambda s: s.output.mechanism[:3])[:-1]
@@ -157,7 +130,7 @@ def test_a_grasp_that_opens_leaves_the_payload_in_the_other_hand():
     assert end.q[21] > state.q[21] + 1e-3
 
 
-def test_locked_arms_and_one_grasp_feel_as_one_body():
+def test_locked_arms_and_one_grasp_feel_as_one_body(run):
     """All joints locked, the whole is one rigid body of 11.3 kg.
 
     One grasp does: arms that cannot move meet the other one to the file's nine digits only.
@@ -170,7 +143,7 @@ def test_locked_arms_and_one_grasp_feel_as_one_body():
     simulator = Simulator(scene_from_document(changed))
     state = simulator.initial_state()
     found = analyse(simulator.mechanism, state.q, active=state.active).inverse_inertia
-    first = whole("shared_payload").samples[0].mechanism
+    first = run.samples[0].mechanism
     mass, centre = Jacobians(document(), first.q).centre_of_mass()
     force = np.array([1.0, 0.5, -0.2])
     grasp_schedule = np.array([0.24, 0.0, 0.0])

@@ -2,13 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """A slider-crank felt at its crank pin and at its piston, against closed forms over the turn."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 
-from hapticmech_ros import Mechanism, analyse, load_scene
-from oracles.sessions import whole
+from hapticmech_ros import analyse
+
+NAME = "slider_crank_engine"
 
 RADIUS, ROD = 0.04, 0.13
 INMOST = ROD - RADIUS  # where the piston counts from
@@ -49,16 +48,11 @@ class Turn:
         self.q = np.array([angle, self.tilt - angle, self.piston - INMOST])
 
 
-@cache
-def mechanism():
-    return Mechanism(load_scene("slider_crank_engine"))
-
-
 @pytest.mark.parametrize("angle", ANGLES)
-def test_the_mass_at_the_crank_pin_comes_and_goes(angle):
+def test_the_mass_at_the_crank_pin_comes_and_goes(angle, mechanism):
     """X = j jᵀ / I(angle), with j the twist of the pin at 1 rad/s of the crank."""
     turn = Turn(angle)
-    found = analyse(mechanism(), turn.q, point="crank_pin")
+    found = analyse(mechanism, turn.q, point="crank_pin")
     twist = np.concatenate((turn.pin_rate, np.zeros(3), (1.0,)))
     # Products of some ten terms, and closures of condition up to 1e2: 1e-12 of the largest entry.
     size = 1.0 / turn.inertia
@@ -69,39 +63,37 @@ def test_the_mass_at_the_crank_pin_comes_and_goes(angle):
 
 
 @pytest.mark.parametrize("angle", ANGLES)
-def test_the_mass_at_the_piston(angle):
+def test_the_mass_at_the_piston(angle, mechanism):
     turn = Turn(angle)
-    found = analyse(mechanism(), turn.q, point="piston_crown")
+    found = analyse(mechanism, turn.q, point="piston_crown")
     mass = turn.inertia / turn.piston_rate**2
     assert 1.0 / found.inverse_inertia[0, 0] == pytest.approx(mass, rel=1e-9)
 
 
 @pytest.mark.parametrize("angle", [0.0, np.pi])
-def test_at_a_dead_centre_the_piston_is_rigid_and_the_pin_is_not(angle):
+def test_at_a_dead_centre_the_piston_is_rigid_and_the_pin_is_not(angle, mechanism):
     """A push on the piston turns nothing: the third constraint of the plane."""
     turn = Turn(angle)
-    piston = analyse(mechanism(), turn.q, point="piston_crown")
+    piston = analyse(mechanism, turn.q, point="piston_crown")
     assert piston.rank == 0
     assert piston.constraint_wrenches.shape == (6, 3)
     # x_piston' is r sin, next to rounding here.
     assert piston.spectrum.s[0] < 1e-12
-    assert analyse(mechanism(), turn.q, point="crank_pin").rank == 1
+    assert analyse(mechanism, turn.q, point="crank_pin").rank == 1
 
 
-def test_the_pin_is_two_constraints_over_whole_turns():
-    run = whole("slider_crank_engine")
+def test_the_pin_is_two_constraints_over_whole_turns(run):
     turned = run.of(lambda s: s.mechanism.q[0])
     assert turned[-1] - turned[0] > 10.0 * np.pi
     assert run.changes == []
     assert run.count[0] == 2
 
 
-def test_the_crank_obeys_its_own_equation_of_motion():
+def test_the_crank_obeys_its_own_equation_of_motion(run):
     """I ω' + ½ dI/dθ ω² = couple - c ω: one turn of the session against Runge and Kutta's rule.
 
     The session's couple is the hand's and what the position channel adds, as it was commanded.
     """
-    run = whole("slider_crank_engine")
     begin, end = 3000, 4000
     states = run.of(lambda s: (s.mechanism.q[0], s.mechanism.v[0]))
     pushes = run.of(lambda s: s.output.mechanism)
@@ -127,9 +119,8 @@ def test_the_crank_obeys_its_own_equation_of_motion():
     assert states[end] == pytest.approx(state, rel=2e-5)
 
 
-def test_the_speed_goes_with_the_mass_felt():
+def test_the_speed_goes_with_the_mass_felt(run):
     """The heavier the slower: the flywheel's even part hides in neither."""
-    run = whole("slider_crank_engine")
     settled = run.time > 3.0
     speeds = run.of(lambda s: s.mechanism.v[0])[settled]
     masses = run.of(lambda s: 1.0 / np.trace(s.analysis.inverse_inertia[:2, :2]))[settled]
@@ -137,9 +128,8 @@ def test_the_speed_goes_with_the_mass_felt():
     assert speeds.max() > 1.3 * speeds.min()
 
 
-def test_the_hand_feels_the_couple_that_it_gives():
+def test_the_hand_feels_the_couple_that_it_gives(run):
     """Device and crank go together, so what the device gives back is the hand's couple or so."""
-    run = whole("slider_crank_engine")
     settled = run.time > 1.0
     torque = run.of(lambda s: s.output.device[5])[settled]
     assert torque.mean() == pytest.approx(-PUSH, rel=0.1)

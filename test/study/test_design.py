@@ -8,11 +8,8 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.study import Design, Variation
-
-
-def of(*texts, **more):
-    return Design(tuple(map(Variation.read, texts)), **more)
+from hapticmech_ros.study import Variation
+from study.designs import of
 
 
 def test_a_grid_has_every_combination_once_the_last_key_fastest():
@@ -33,14 +30,22 @@ def test_a_range_has_its_ends_to_the_bit_and_is_spread_as_asked():
     assert np.abs(np.diff(logs, 2)).max() < 1e-14
 
 
-def test_ends_may_be_angles_and_values_anything_of_yaml():
+@pytest.mark.parametrize(
+    ("text", "choices"),
+    [
+        ("gravity=[0, 0, -9.81],[0, 0, 0]", ("[0, 0, -9.81]", "[0, 0, 0]")),
+        ("controller.passivity.control=true,false", ("true", "false")),
+        ("model=a.urdf,{file: b.urdf}", ("a.urdf", "{file: b.urdf}")),
+        ("a=1", ("1",)),
+    ],
+)
+def test_values_may_be_anything_of_yaml(text, choices):
+    assert Variation.read(text).choices == choices
+    assert len(of(text)) == len(choices)
+
+
+def test_ends_may_be_angles():
     assert Variation.read("q=-90 deg:pi/2:3").range == (-math.pi / 2, math.pi / 2)
-    assert Variation.read("gravity=[0, 0, -9.81],[0, 0, 0]").choices == (
-        "[0, 0, -9.81]",
-        "[0, 0, 0]",
-    )
-    assert Variation.read("controller.passivity.control=true,false").choices == ("true", "false")
-    assert Variation.read("model=a.urdf,{file: b.urdf}").choices == ("a.urdf", "{file: b.urdf}")
 
 
 def test_several_keys_get_the_same_value():
@@ -94,18 +99,16 @@ def test_what_is_no_variation_is_refused_with_its_text(text):
         of(text)
 
 
-def test_one_value_is_a_grid_of_one():
-    assert len(of("a=1")) == 1
-
-
-def test_a_design_says_what_is_wrong_with_it():
-    with pytest.raises(InvalidInputError, match="at least one"):
-        of()
-    with pytest.raises(InvalidInputError, match="a key varies once"):
-        of("a=1,2", "b, a=1,2")
-    with pytest.raises(InvalidInputError, match="FROM:TO:NUMBER, or set the number of samples"):
-        of("a=1:2")
-    with pytest.raises(InvalidInputError, match="10000000 or fewer"):
-        of("a=1:2:4000", "b=1:2:4000")
-    with pytest.raises(InvalidInputError, match="samples"):
-        of("a=1:2", samples=-1)
+@pytest.mark.parametrize(
+    ("texts", "more", "rule"),
+    [
+        ((), {}, "at least one"),
+        (("a=1,2", "b, a=1,2"), {}, "a key varies once"),
+        (("a=1:2",), {}, "FROM:TO:NUMBER, or set the number of samples"),
+        (("a=1:2:4000", "b=1:2:4000"), {}, "10000000 or fewer"),
+        (("a=1:2",), {"samples": -1}, "samples"),
+    ],
+)
+def test_a_design_says_what_is_wrong_with_it(texts, more, rule):
+    with pytest.raises(InvalidInputError, match=rule):
+        of(*texts, **more)

@@ -100,11 +100,14 @@ def test_two_processes_are_not_at_one_study(tmp_path):
         pass
 
 
-def test_a_folder_with_rows_of_nobody_knows_what_is_refused(tmp_path):
-    filled(tmp_path)
-    (tmp_path / DEFINITION).write_text("[1, 2", encoding="utf-8")
-    with pytest.raises(StudyError, match="is no definition"):
-        opened(tmp_path)
-    (tmp_path / DEFINITION).unlink()
-    with pytest.raises(StudyError, match="has rows of a study, but no"):
+@pytest.mark.parametrize(
+    ("spoil", "rule"),
+    [
+        (lambda file: file.write_text("[1, 2", encoding="utf-8"), "is no definition"),
+        (lambda file: file.unlink(), "has rows of a study, but no"),
+    ],
+)
+def test_a_folder_with_rows_of_nobody_knows_what_is_refused(tmp_path, spoil, rule):
+    spoil(filled(tmp_path) / DEFINITION)
+    with pytest.raises(StudyError, match=rule):
         opened(tmp_path)

@@ -17,18 +17,15 @@ import pytest
 from commands import ran
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import InvalidInputError, SceneError
-from hapticmech_ros.study import Design, Variation, run_study
+from hapticmech_ros.study import run_study
 from hapticmech_ros.study.parameter_study import DEFINITION, FAILURES, ROWS, StudyError
 from study.counting import FOLDER
+from study.designs import of
 
 MASSES = "device.mass=0.1,0.2,0.3,0.4,0.5,0.6"
 HEADING = "time,fx,fy,fz,tx,ty,tz\n"
 BARS = Path(__file__).resolve().parents[2] / "examples" / "four_bar.yaml"
 PANTOGRAPH = BARS.with_name("pantograph.yaml")
-
-
-def of(*texts, **more):
-    return Design(tuple(map(Variation.read, texts)), **more)
 
 
 @pytest.fixture
