@@ -16,7 +16,7 @@ import os
 import re
 import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
@@ -41,7 +41,6 @@ from hapticmech_ros.bag.storage import (
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.files import exists
 from hapticmech_ros.numerics.times import NANOSECONDS
-from hapticmech_ros.system.closing import Closing
 
 ARRAY = "std_msgs/msg/Float64MultiArray"
 # Type of a first field that begins with a stamp.
@@ -168,7 +167,7 @@ class MissingMessagesError(BagError):
     """A bag has fewer readable messages than stated."""
 
 
-class BagReader(Closing["BagReader"]):
+class BagReader(AbstractContextManager["BagReader"]):
     """An open bag: a rosbag2 folder, or a single ``.mcap`` or ``.db3`` file.
 
     Use it as a context manager.
@@ -369,6 +368,9 @@ class BagReader(Closing["BagReader"]):
     def close(self) -> None:
         """Close the bag; does nothing the second time."""
         self._stack.close()
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
 
 def read_topic(path: str | os.PathLike[str], name: str) -> Iterator[tuple[int, Any]]:

@@ -8,7 +8,7 @@ import os
 import sqlite3
 import threading
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -31,7 +31,6 @@ from hapticmech_ros.bag.metadata import (
 from hapticmech_ros.bag.sqlite_file import SqliteFile
 from hapticmech_ros.bag.storage import Messages, StoredTopic
 from hapticmech_ros.errors import BagError
-from hapticmech_ros.system.closing import Closing
 
 # Messages older than this, by their times, are on disk if the writer is killed.
 FLUSH_NS = 500_000_000
@@ -40,7 +39,7 @@ STORAGE_FILES: dict[str, type[StorageFile]] = {"mcap": McapFile, "sqlite3": Sqli
 _FAILURES = (OSError, sqlite3.Error)
 
 
-class BagWriter(Closing["BagWriter"]):
+class BagWriter(AbstractContextManager["BagWriter"]):
     """A rosbag2 folder being written; may be used from any thread.
 
     The bag is complete only after :meth:`close`. As a context manager it closes at the end, also
@@ -205,6 +204,9 @@ class BagWriter(Closing["BagWriter"]):
     def counts(self) -> dict[str, int]:
         """Messages written so far, by topic."""
         return dict(self._counts)
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     @contextmanager
     def _writing(self) -> Iterator[None]:

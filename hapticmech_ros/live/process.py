@@ -10,7 +10,7 @@ from __future__ import annotations
 import signal
 import threading
 import time
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 
@@ -18,7 +18,6 @@ from hapticmech_ros.compilation.library import COMPILE_TIMEOUT_S
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.live.commands import COMMANDS, Command, Failed, Open, Report, newest
 from hapticmech_ros.live.live_session import AT_ONCE_S, LiveSession
-from hapticmech_ros.system.closing import Closing
 
 
 class Mailbox:
@@ -88,7 +87,7 @@ _NOT_BEGUN = f"the live session did not begin within {_START_S:g} s"
 _ENDED = "the live session's process has ended by itself"
 
 
-class LiveProcess(Closing["LiveProcess"]):
+class LiveProcess(AbstractContextManager["LiveProcess"]):
     """A live session in a child process; may be used from several threads.
 
     As a context manager it ends the child. A child whose parent is gone ends by itself. Its reports
@@ -147,6 +146,9 @@ class LiveProcess(Closing["LiveProcess"]):
             self._process.join()
         self._reader.join()
         self._pipe.close()
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def _begin(self) -> None:
         """Wait until the session has begun."""
