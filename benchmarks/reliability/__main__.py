@@ -27,6 +27,7 @@ PARTS = {
     "kills": "each node killed without warning, and started again",
     "freezes": "each node stopped for 50 periods to 2 s",
     "clocks": "steps of the machine's clock, of one host's, and of /clock",
+    "emergency": "an emergency stop, alone and beside busy programs",
     "doubles": "a second node of each kind, a foreign driver, foreign commanders",
     "network": "delay, jitter, loss and reordering between two hosts",
     "users": "two users on two hosts",

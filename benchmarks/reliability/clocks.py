@@ -59,8 +59,7 @@ def steps(number: int, sizes: Sequence[float]) -> list[float]:
 
 def _by_turns(index: int) -> bool:
     """Return every other time whether; of steps as :func:`steps` gives them, for each in turn."""
-    pair = index // 2
-    return (index + pair + pair // 2) % 2 == 0
+    return (index + index // 2 + index // 4) % 2 == 0
 
 
 def try_step(
@@ -96,9 +95,10 @@ def _machine(number: int, out: Path) -> list[Figure]:
         figures = report_delays(rig) + _each_size(rig, clock, sizes, "machine's clock")
         stops = []
         for index, seconds in enumerate(sizes):
-            stops.append(try_stop(rig, clock, seconds, at_once=_by_turns(index)))
-            print(stops[-1].line)
-    return figures + summarised_stops(stops)
+            step = partial(clock.step, seconds)
+            stops.append(try_stop(rig, f"clock {seconds:+g} s", step, _by_turns(index)))
+            print(stops[-1])
+    return figures + summarised_stops("emergency stop after a step", stops)
 
 
 def _each_size(rig: Rig, clock: SteppedClock, sizes: Sequence[float], words: str) -> list[Figure]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterator
+from functools import partial
 from itertools import chain
 from pathlib import Path as FilePath
 from typing import Any
@@ -109,13 +110,8 @@ def _watched(
     given = {"network_delay": path.delay or NO_DELAY} if declared else {}
     nothing = Path(out=True)
     with EmulatedNetwork(path, path) as network:
-
-        def cut() -> float:
-            return network.set(to_rest=nothing, to_device=path if one_way else nothing)
-
-        def mend() -> float:
-            return network.set(path)
-
+        cut = partial(network.set, to_rest=nothing, to_device=path if one_way else nothing)
+        mend = partial(network.set, path)
         events = [event for at in outages for event in ((at, cut), (at + lasts, mend))]
         with SplitGraph(network, out / name, of_one_user(scene, given, device)) as graph:
             made = run_for(graph, seconds, events)

@@ -208,7 +208,11 @@ class Attack(Stranger):
             self.node.destroy_publisher(publisher)
         self._spin(RECOVERS_S)
         with suppress(BenchError):
-            self.wait(self._has_all_answers, BACK_WITHIN_S, "answers to the last requests")
+            self.wait(
+                lambda: all(one is None or one.done() for one in self._asked),
+                BACK_WITHIN_S,
+                "answers to the last requests",
+            )
         with suppress(BenchError):
             self.wait(self._is_back, BACK_WITHIN_S, "the graph's return")
         if self.seen.examples:
@@ -239,9 +243,6 @@ class Attack(Stranger):
             worst_growth(self._where, list(self.memory.values()), self.sent),
             figure("outputs looked at", self.seen.messages),
         ]
-
-    def _has_all_answers(self) -> bool:
-        return all(one is None or one.done() for one in self._asked)
 
     def _is_back(self) -> bool:
         # Device and controller: what others warn of may last.

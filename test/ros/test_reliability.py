@@ -11,6 +11,7 @@ import os
 import signal
 import time
 from collections.abc import Iterator
+from functools import partial
 
 import pytest
 
@@ -68,9 +69,9 @@ def test_a_step_of_the_machines_clock(graph: Graph, seconds: float) -> None:
 
 @pytest.mark.parametrize(("seconds", "at_once"), [(-600.0, True), (5.0, False)])
 def test_an_emergency_stop_after_a_step(graph: Graph, seconds: float, at_once: bool) -> None:
-    stop = try_stop(graph.rig, graph.clock, seconds, at_once)
-    assert stop.success, stop.line
-    assert stop.zero_ms <= WAYS_MS, stop.line
+    stop = try_stop(graph.rig, "a step", partial(graph.clock.step, seconds), at_once)
+    assert stop.success, stop
+    assert stop.zero_ms <= WAYS_MS, stop
 
 
 @pytest.mark.parametrize("kind", sampled(KINDS, every=2), ids=lambda kind: kind.name)
