@@ -37,6 +37,8 @@ MOST_READ, MOST_COPIED, MOST_HEARERS = 16_384, 1024, 62
 OLD_NS = 8_000_000
 # Least time between views, ns, for as long after a late step or a pause.
 GIVE_WAY_NS = 50_000_000
+# Shortest period of views for people, s.
+FOR_PEOPLE_S = 0.006
 # Where in the bytes of a WrenchStamped its stamp, the name of its frame, and its wrench begin.
 _STAMP_AT, _FRAME_AT, _WRENCH_AT = 4, 12, 28
 # Clock readings no further apart than this, ns, count as simultaneous.
@@ -377,8 +379,11 @@ class PlainMessages:
     def _show(self, turn: Turn) -> bool:
         """Have another thread publish a view; return whether the kernel may go on at once.
 
-        For a while after a pause or a late step, some views are left out.
+        For a while after a pause or a late step, some views are left out. More frequent ones than
+        people need are CRTK's samples, for a controller: the loop's thread publishes each.
         """
+        if self._actor.view_every * self._actor.period_s < FOR_PEOPLE_S:
+            return False
         now, pauses = time.monotonic_ns(), self._shared.pauses.each()
         late_ns = pauses[-1][0] if pauses else self._late_ns
         give_way = now - late_ns < GIVE_WAY_NS and now - self._viewed_ns < GIVE_WAY_NS

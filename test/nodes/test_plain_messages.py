@@ -558,6 +558,24 @@ def test_views_are_published_by_another_thread_while_the_kernel_goes_on(
     assert codes.index(lane_kernels.TO_LOOK_AT) < len(codes) - 1
 
 
+def test_views_at_the_control_rate_are_all_published_also_after_a_pause(
+    shared: None, analyser: Process, states: States, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A controller may have CRTK's topics alone: they are its samples."""
+    actor, seen = analyser.actor, list[int]()
+    until_view = property(lambda actor: 1 + -actor.analyses % actor.view_every)
+    monkeypatch.setattr(type(actor), "until_view", until_view)
+    actor.view_every = 1
+    monkeypatch.setattr(actor, "publish_view", lambda found, count: seen.append(count))
+    codes, before = by_the_kernel(analyser, monkeypatch), actor.analyses
+    for done in range(before + 1, before + 9):
+        analyser.wait._late_ns = time.monotonic_ns()
+        analyser.speak(states.next())
+        analyser.until(lambda done=done: actor.analyses == done)
+    assert len(seen) == 8
+    assert lane_kernels.TO_LOOK_AT in codes
+
+
 def nan(values: Any) -> None:
     values[5] = np.nan
 
