@@ -8,6 +8,7 @@ Part ``emergency``: stops alone and beside two programs that compute without end
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
@@ -20,6 +21,7 @@ from benchmarks.children import BenchError, busy_programs
 from benchmarks.reliability.caller import Caller
 from benchmarks.reliability.figure import Figure, figures_of
 from benchmarks.reliability.rig import MS, Rig, pushing
+from hapticmech_ros.nodes.realtime import NICE
 
 # The answer and the sample take ways of their own to processes of their own.
 WAYS_MS = 5.0
@@ -45,14 +47,18 @@ class Stop:
 
 
 def run(quick: bool, out: Path) -> list[Figure]:
-    """Stop a device that renders 100 times (quick: 5), alone and beside two busy programs."""
+    """Stop a device that renders 100 times (quick: 5), alone and beside two busy programs.
+
+    The caller has the nodes' nice value: an ordinary one sees the answer later. The busy programs
+    come first, since programs begun later would have it too.
+    """
     number, found = QUICK_CALLS if quick else CALLS, list[Figure]()
     with Rig(out, "emergency") as rig:
-        for busy in (0, BUSY):
-            beside = f"beside {busy} busy programs"
+        for busy in (BUSY, 0):
             with busy_programs(busy):
-                stops = [try_stop(rig, beside, time.monotonic_ns) for _ in range(number)]
-            found += summarised_stops(f"emergency stop {beside}", stops, ANSWERED_MS)
+                os.setpriority(os.PRIO_PROCESS, 0, NICE)
+                stops = [try_stop(rig, "no fault", time.monotonic_ns) for _ in range(number)]
+            found += summarised_stops(f"stop beside {busy} busy programs", stops, ANSWERED_MS)
     return found
 
 
