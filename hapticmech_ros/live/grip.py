@@ -59,7 +59,7 @@ class DragSpring:
 def drag_spring(
     stiffness: float, felt: float, moved: float, period: float, limit: float
 ) -> DragSpring:
-    """Return a critically damped spring, as stiff as it may be. All numbers are above 0.
+    """Return a critically damped spring, as stiff as it may be.
 
     Args:
         stiffness: that is wanted, N/m.
@@ -67,7 +67,14 @@ def drag_spring(
         moved: least mass (kg) that it moves at once, which bounds both.
         period: of the session, s.
         limit: N, of the force.
+
+    Raises:
+        InvalidInputError: a number that is not positive and finite.
     """
+    given = {"stiffness": stiffness, "felt": felt, "moved": moved, "period": period, "limit": limit}
+    for name, value in given.items():
+        if not (np.isfinite(value) and value > 0.0):
+            raise InvalidInputError(f"{name} of a drag", value, "must be positive and finite")
     bounded = min(stiffness, (MOST_ANGLE / period) ** 2 * moved)
     damping = min(2.0 * float(np.sqrt(bounded * felt)), MOST_BRAKING / period * moved)
     return DragSpring(bounded, damping, limit)

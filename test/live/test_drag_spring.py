@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hapticmech_ros import InvalidInputError
 from hapticmech_ros.live.grip import DragSpring, drag_spring, on_plane
 
 PLACE, GOAL = np.array((0.1, 0.0, 0.2)), np.array((0.12, -0.01, 0.2))
@@ -35,6 +36,14 @@ def test_a_mass_that_it_drags_comes_to_rest_at_the_goal(mass, felt):
         v = v + period / mass * spring.force(x, v, GOAL)
         x = x + period * v
     assert x == pytest.approx(GOAL, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["stiffness", "felt", "moved", "period", "limit"])
+@pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf")])
+def test_numbers_that_are_not_positive_are_refused(name, value):
+    given = {"stiffness": 300.0, "felt": 1.0, "moved": 0.3, "period": 0.001, "limit": 20.0}
+    with pytest.raises(InvalidInputError, match=f"{name} of a drag: must be positive"):
+        drag_spring(**{**given, name: value})
 
 
 def test_a_ray_of_sight_meets_the_plane():
