@@ -390,12 +390,17 @@ class Follower:
 
     Attributes:
         counts: of events so far.
+
+    Raises:
+        InvalidInputError: rates of torques that the period alone is too long for, or that it does
+            not allow the observer.
     """
 
     def __init__(
         self, law: OperationalLaw, settings: FollowerSettings, sensor: WrenchSensor | None = None
     ) -> None:
         self._law, self._settings = law, settings
+        self._check_delay(Tuning(law.gains, settings.observer_rate))
         self._sensor = WrenchSensor() if sensor is None else sensor
         self.counts = Counts()
         self._tuning = Tuning(law.gains, settings.observer_rate)
@@ -455,9 +460,17 @@ class Follower:
                 allow.
         """
         rate = checked_rate(tuning.observer_rate, self._settings.period)
+        self._check_delay(tuning)
         if (self._tuning.observer_rate == 0.0) is not (rate == 0.0):
             rule = "must stay above 0" if rate == 0.0 else "must stay 0"
             raise InvalidInputError("observer_rate", rate, f"{rule} while the robot follows")
+
+    def _check_delay(self, tuning: Tuning) -> None:
+        """Refuse rates of torques that no joint states are new enough for."""
+        period, longest = self._settings.period, longest_delay(tuning)
+        if self._settings.interface == "effort" and longest <= period:
+            rule = f"must bear a delay of more than the period, {period:g} s: bears {longest:g} s"
+            raise InvalidInputError("linear_rate", tuning.gains.linear_rate, rule)
 
     def update_joints(self, q: Array, v: Array, time: float) -> None:
         """Take a sample of the joints.
