@@ -8,10 +8,11 @@ import re
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from functools import partial
 from pathlib import Path
 
+from benchmarks.reliability.caller import Caller
 from benchmarks.reliability.emergency import summarised_stops, try_stop
 from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.rig import Rig
@@ -94,10 +95,11 @@ def _machine(number: int, out: Path) -> list[Figure]:
     with _stepped("day") as (clock,), Rig(out, "clocks_machine", [(hosted, clock)]) as rig:
         figures = report_delays(rig) + _each_size(rig, clock, sizes, "machine's clock")
         stops = []
-        for index, seconds in enumerate(sizes):
-            step = partial(clock.step, seconds)
-            stops.append(try_stop(rig, f"clock {seconds:+g} s", step, _by_turns(index)))
-            print(stops[-1])
+        with closing(Caller(rig.environment)) as caller:
+            for index, seconds in enumerate(sizes):
+                step, words = partial(clock.step, seconds), f"clock {seconds:+g} s"
+                stops.append(try_stop(rig, caller, words, step, _by_turns(index)))
+                print(stops[-1])
     return figures + summarised_stops("emergency stop after a step", stops)
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.children import BenchError, busy_programs
-from benchmarks.reliability.caller import Caller
+from benchmarks.reliability.caller import Answer, Caller
 from benchmarks.reliability.figure import Figure, figures_of
 from benchmarks.reliability.rig import MS, Rig, pushing
 from hapticmech_ros.nodes.realtime import NICE
@@ -49,49 +49,54 @@ class Stop:
 def run(quick: bool, out: Path) -> list[Figure]:
     """Stop a device that renders 100 times (quick: 5), alone and beside two busy programs.
 
-    The caller has the nodes' nice value: an ordinary one sees the answer later. The busy programs
-    come first, since programs begun later would have it too.
+    The caller runs before, and has the nodes' nice value: an ordinary one sees the answer later.
+    The busy programs come first, since programs begun later would have it too.
     """
     number, found = QUICK_CALLS if quick else CALLS, list[Figure]()
     with Rig(out, "emergency") as rig:
         for busy in (BUSY, 0):
             with busy_programs(busy):
                 os.setpriority(os.PRIO_PROCESS, 0, NICE)
-                stops = [try_stop(rig, "no fault", time.monotonic_ns) for _ in range(number)]
+                with closing(Caller(rig.environment)) as caller:
+                    stops = [
+                        try_stop(rig, caller, "no fault", time.monotonic_ns) for _ in range(number)
+                    ]
             found += summarised_stops(f"stop beside {busy} busy programs", stops, ANSWERED_MS)
     return found
 
 
-def try_stop(rig: Rig, words: str, fault: Callable[[], int], at_once: bool = True) -> Stop:
+def try_stop(
+    rig: Rig, caller: Caller, words: str, fault: Callable[[], int], at_once: bool = True
+) -> Stop:
     """Stop after a fault, at once or once the device renders again, and let it go on.
 
     Args:
         rig: of the graph.
+        caller: calls the stop; it releases one first, since a first call takes longer.
         words: that describe the fault.
         fault: does it, and returns when, ns of the monotonic clock.
         at_once: whether to stop before the device renders again.
     """
+    caller.stop(False)
     since = rig.ready()
-    with closing(Caller(rig.environment)) as caller:
+    stepped_ns = fault()
+    try:
+        if not at_once:
+            since = rig.settle(stepped_ns)
+        answer = caller.stop(True)
+    except BenchError:
+        answer = Answer(False, stepped_ns, time.monotonic_ns())
+    time.sleep(STOPPED_S)
+    found = rig.samples(since)
+    found = found[found["arrived_ns"] >= stepped_ns]
+    on, arrived = pushing(found), found["arrived_ns"]
+    after = arrived[~on & (arrived >= arrived[on].max(initial=stepped_ns))]
+    zero_ms = float(after[0] - answer.answered_ns) / MS if after.size else math.inf
+    with suppress(BenchError):
         caller.stop(False)
-        stepped_ns = called_ns = fault()
-        try:
-            if not at_once:
-                since = rig.settle(stepped_ns)
-            called_ns = time.monotonic_ns()
-            success, answered_ns = caller.stop(True)
-        except BenchError:
-            success, answered_ns = False, time.monotonic_ns()
-        time.sleep(STOPPED_S)
-        found = rig.samples(since)
-        found = found[found["arrived_ns"] >= stepped_ns]
-        on, arrived = pushing(found), found["arrived_ns"]
-        after = arrived[~on & (arrived >= arrived[on].max(initial=stepped_ns))]
-        zero_ms = float(after[0] - answered_ns) / MS if after.size else math.inf
-        with suppress(BenchError):
-            caller.stop(False)
-        rig.ready()
-    return Stop(words, success, (answered_ns - called_ns) / MS, zero_ms)
+    rig.ready()
+    took_ms = (answer.answered_ns - answer.called_ns) / MS
+    return Stop(words, answer.success, took_ms, zero_ms)
 
 
 def summarised_stops(

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -914,8 +915,12 @@ class DeviceDriver(ClockedActor[D]):
         """Set the actuators to zero, and log why, if a stop was requested."""
         reason = STOPPED if self._guard.stopped else self._operating.withheld
         if reason:
-            self._warn(reason)
+            self._log_end()
             self.put_at_zero()
+            # Logged with the next sample: the response does not wait for it.
+            self._unlogged = partial(self._warn, reason)
+            if not self.node.active:
+                self._log_end()
         self._operating.publish(self.node.active)
 
     def _start_pose(self) -> pin.SE3:

@@ -45,6 +45,8 @@ class Turn:
         self._wanting: set[int] = set()
         # How many nested contexts have the turn.
         self._depth = 0
+        # Until when callbacks let the loop start the kernel again, s of the monotonic clock.
+        self._resumes = 0.0
         self.listened = np.array([FOR_EVER])
         # Views to publish, and what the publishing thread awaits.
         self._views: deque[Callable[[], None]] = deque()
@@ -136,6 +138,7 @@ class Turn:
         if not self.is_shared:
             yield
             return
+        self._let_resume()
         self._wanting.add(threading.get_ident())
         with self._turn:
             self._wanting.discard(threading.get_ident())
@@ -151,10 +154,18 @@ class Turn:
                 self._depth -= 1
                 is_over = self._depth == 0
         if is_over and not self.is_of_loop:
+            if has_stopped:
+                self._resumes = time.monotonic() + RESUMES_S
             # The loop's thread needs Python's lock, too.
             time.sleep(LETS_S)
-            end = time.monotonic() + RESUMES_S
-            while has_stopped and not self.kernel_runs and time.monotonic() < end:
+
+    def _let_resume(self) -> None:
+        """Let the loop start the kernel again that this thread's last callback was stopped for.
+
+        Before the next callback, not after the last: a service's response does not wait for it.
+        """
+        if self._depth == 0 and not self.is_of_loop:
+            while not self.kernel_runs and time.monotonic() < self._resumes:
                 time.sleep(RESUMES_S / 4)
 
     def view(self, publish: Callable[[], None]) -> bool:

@@ -11,10 +11,12 @@ import os
 import signal
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from functools import partial
 
 import pytest
 
+from benchmarks.reliability.caller import Caller
 from benchmarks.reliability.clocks import try_step
 from benchmarks.reliability.doubles import KINDS, try_double
 from benchmarks.reliability.emergency import WAYS_MS, try_stop
@@ -69,7 +71,8 @@ def test_a_step_of_the_machines_clock(graph: Graph, seconds: float) -> None:
 
 @pytest.mark.parametrize(("seconds", "at_once"), [(-600.0, True), (5.0, False)])
 def test_an_emergency_stop_after_a_step(graph: Graph, seconds: float, at_once: bool) -> None:
-    stop = try_stop(graph.rig, "a step", partial(graph.clock.step, seconds), at_once)
+    with closing(Caller(graph.rig.environment)) as caller:
+        stop = try_stop(graph.rig, caller, "a step", partial(graph.clock.step, seconds), at_once)
     assert stop.success, stop
     assert stop.zero_ms <= WAYS_MS, stop
 
