@@ -1,5 +1,6 @@
 # Each target works alone on a fresh clone: it makes .venv and installs what it needs, once.
 #
+#   make live    a closed linkage in the browser, dragged with the mouse
 #   make demo    the paper's experiment, into demo/
 #   make test    lint, types, tests; of sweeps over seeds, states and values a sample
 #   make test-long   the same with whole sweeps
@@ -8,7 +9,7 @@
 #   make campaign   every fault against the graph, for hours, into reliability/; QUICK=1: minutes
 #   make small-machine   the demo on two CPUs: alone, busy, with a quota; ten times, QUICK=1: once
 #   make docs    the documentation as a site, into site/
-#   make clean   remove .venv and everything else that was made here
+#   make clean   remove everything that was made here, .venv too
 #
 # Another interpreter: make test PYTHON=python3.12
 
@@ -37,6 +38,8 @@ unexport PYTHONPATH PYTHONHOME VIRTUAL_ENV
 # .venv remembers where it was made and by which interpreter: scripts in it name both.
 MADE_HERE := $(shell sed -n 1p .venv/made 2>/dev/null)
 MADE_BY := $(shell sed -n 2p .venv/made 2>/dev/null)
+# Somebody else's .venv has no such file, and stays.
+FOREIGN := $(if $(wildcard .venv/made),,$(wildcard .venv))
 ifneq ($(MADE_HERE),$(CURDIR))
 .PHONY: .venv/made
 else ifeq ($(origin PYTHON),file)
@@ -52,7 +55,11 @@ SOURCES := package.xml $(shell find $(PACKAGE) config launch resource \
 
 .PHONY: help
 help:
-	@sed -n '3,12s/^# *//p' Makefile
+	@sed -n '3,13s/^# *//p' Makefile
+
+.PHONY: live
+live: .venv/package
+	$(BIN)/hapticmech live five_bar
 
 .PHONY: demo
 demo: .venv/package
@@ -97,19 +104,25 @@ docs: .venv/docs-requirements .venv/package
 
 .PHONY: clean
 clean:
-	rm -rf .venv build dist demo bench feel reliability site install log $(PACKAGE).egg-info
+	$(if $(FOREIGN),@echo '.venv is kept: make did not make it.',rm -rf .venv)
+	rm -rf build dist demo bench feel reliability site install log $(PACKAGE).egg-info
 	rm -rf .coverage .mypy_cache .pytest_cache .ruff_cache
 	find . -name .git -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
 
+# Kept where making .venv fails or is interrupted: what make began is not somebody else's.
+.PRECIOUS: .venv/made
 .venv/made:
+	@$(if $(FOREIGN),echo 'error: make did not make .venv and does not replace it: remove it (rm -r .venv)\
+	  or run make in another clone.' >&2; exit 1)
 	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 10))' || { \
 	  printf 'error: this needs Python 3.10 or newer; "%s" is %s.\nName another: make %s PYTHON=python3.12\n' \
 	    "$(PYTHON)" "$$("$(PYTHON)" --version 2>&1)" "$(MAKECMDGOALS)" >&2; exit 1; }
-	"$(PYTHON)" -m venv --clear .venv
+	@rm -rf .venv && mkdir .venv && echo unfinished > $@
+	"$(PYTHON)" -m venv .venv
 	@printf '%s\n' "$(CURDIR)" "$(PYTHON)" > $@
 
 .venv/requirements: .venv/made $(REQUIREMENTS)
-	$(PIP) install --quiet 'setuptools>=70.1,<80' '.[ros,mjcf]'
+	$(PIP) install --quiet 'setuptools>=70.1,<80' '.[ros,live]'
 	@touch $@
 
 .venv/bench-requirements: .venv/requirements

@@ -214,6 +214,52 @@ def test_the_readme_has_the_commands_of_the_page():
     assert any("colcon build" in line for line in short)
 
 
+def made(folder, target, code=0):
+    """Run make in a folder that has a stub of an interpreter; return its errors."""
+    done = subprocess.run(
+        ["make", "-f", ROOT / "Makefile", target, "PYTHON=./python"],
+        env={"PATH": os.environ["PATH"]},
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == code, done.stderr
+    return done.stderr
+
+
+def test_make_replaces_its_own_environment_and_no_other(tmp_path):
+    """Its own: of another folder, of another interpreter, or begun and not finished."""
+    stub = tmp_path / "python"
+    stub.write_text('#!/bin/sh\n[ "$1" = -c ] || { touch "$3/new"; [ ! -e broken ]; }\n')
+    stub.chmod(0o755)
+    place = tmp_path / ".venv"
+    note, new = place / "made", place / "new"
+    place.mkdir()
+    (place / "theirs").touch()
+    assert made(tmp_path, "demo", code=2).startswith("error: make did not make .venv")
+    made(tmp_path, "clean")
+    assert [path.name for path in place.iterdir()] == ["theirs"]
+
+    note.write_text("/elsewhere\npython3\n")
+    (tmp_path / "broken").touch()
+    made(tmp_path, ".venv/made", code=2)
+    assert new.exists()
+    assert not (place / "theirs").exists()
+    (tmp_path / "broken").unlink()
+    for replaced in (True, False):
+        new.unlink()
+        made(tmp_path, ".venv/made")
+        assert new.exists() == replaced
+        new.touch()
+    note.write_text(f"{tmp_path}\npython3\n")
+    new.unlink()
+    made(tmp_path, ".venv/made")
+    assert new.exists()
+    made(tmp_path, "clean")
+    assert not place.exists()
+
+
 def test_the_dev_container_is_built_from_the_image():
     described = json.loads((ROOT / ".devcontainer" / "devcontainer.json").read_text())
     assert (ROOT / ".devcontainer" / described["build"]["dockerfile"]).resolve() == (
