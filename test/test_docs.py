@@ -64,8 +64,8 @@ def output_of(program: str, place: Path) -> str:
 def test_the_readme_program_runs(tmp_path: Path) -> None:
     (program,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
     printed = output_of(program, tmp_path)
-    assert "rank: 2" in printed
-    assert "3.0 s: 2 constraint(s)" in printed
+    assert "free directions: 2" in printed
+    assert "3.0 s: 2 joint constraints" in printed
 
 
 def test_the_program_of_the_page_on_devices_runs(tmp_path: Path) -> None:

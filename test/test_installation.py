@@ -188,9 +188,9 @@ def test_the_page_on_installation_has_the_same_versions():
 
 
 def test_what_comes_from_pypi_on_ubuntu_has_the_same_versions():
-    """In the commands of the page, of the README, and of the image."""
+    """In the commands of the page, and of the image."""
     by_name = {one.name: lowest(one) for one in NEEDED}
-    for name in ("README.md", "docs/install.md", "docker/Dockerfile"):
+    for name in ("docs/install.md", "docker/Dockerfile"):
         text = (ROOT / name).read_text(encoding="utf-8").replace("\\\n", " ")
         (line,) = re.findall(r"\.venv/bin/pip install .*'numba.*", text)
         wanted = [Requirement(one) for one in re.findall(r"'([^']+)'", line)]
@@ -199,19 +199,6 @@ def test_what_comes_from_pypi_on_ubuntu_has_the_same_versions():
         )
         for one in wanted:
             assert lowest(one) == by_name[one.name], name
-
-
-def test_the_readme_has_the_commands_of_the_page():
-    blocks = [
-        block.splitlines()
-        for name in ("README.md", "docs/install.md")
-        for block in re.findall(
-            r"```sh\n(source /opt/ros.*?)```", (ROOT / name).read_text(encoding="utf-8"), re.DOTALL
-        )
-    ]
-    short, long = blocks
-    assert short == long[: len(short)]
-    assert any("colcon build" in line for line in short)
 
 
 def made(folder, target, code=0):
