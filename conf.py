@@ -58,6 +58,7 @@ autodoc_default_options = {
     "inherited-members": "AbstractContextManager, BaseModel, Exception, str, tuple",
 }
 autodoc_member_order = "bysource"
+autodoc_preserve_defaults = True
 autodoc_type_aliases = {"Array": "Array", "Hand": "Hand"}
 add_module_names = False
 python_maximum_signature_line_length = 80
@@ -96,14 +97,14 @@ def short(text):
 
 
 def shorten(app, what, name, thing, options, signature, returned):
-    """Leave out of a signature what does not fit in one: types of a scene's keys, objects' names."""
+    """Keep out of signatures the types of a scene's keys, and long defaults of dataclasses."""
     del app, what, name, options
     if not signature:
         return None
     if keys := getattr(thing, "model_fields", None):  # each has an entry, which states its type
         return f"(*, {', '.join(keys)})", returned
-    # <function silent>, <factory>
-    signature = re.sub(r"= <(<\w+>|[^<>])*>", "= ...", signature)
+    for long in (r"(= )<(?:<\w+>|[^<>])*>", r"(array\()\[.*?]\)", r"(= [A-Z]\w*\()[^()]+\)"):
+        signature = re.sub(long, lambda found: f"{found[1]}...{')' * ('(' in found[1])}", signature)
     return short(signature), returned and short(returned)
 
 
@@ -112,6 +113,7 @@ def formula(translator, node):
     whole = tex2mathml(node.astext())
     if isinstance(node, nodes.math_block):
         whole = whole.replace("<math ", '<math display="block" ', 1)
+        whole = f'<div style="overflow-x: auto">{whole}</div>'
     translator.body.append(whole)
     raise nodes.SkipNode
 

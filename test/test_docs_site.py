@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import re
 import shutil
+from html import unescape
 from html.parser import HTMLParser
 from importlib import import_module
 from inspect import isclass, isfunction
@@ -48,7 +49,9 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Build the site from a copy, since autosummary writes pages among the sources."""
     here = tmp_path_factory.mktemp("site")
     for one in ROOT.iterdir():
-        if one.name != "docs":
+        if one.is_file():
+            shutil.copy(one, here)
+        elif one.name != "docs":
             (here / one.name).symlink_to(one)
     shutil.copytree(ROOT / "docs", here / "docs", ignore=shutil.ignore_patterns("api"))
     out = tmp_path_factory.mktemp("html")
@@ -107,13 +110,13 @@ def test_formulas_are_formulas_and_types_have_names(site: Path, pages: dict[Path
     assert "<math " in (site / "docs" / "index.html").read_text(encoding="utf-8")
     modules = [path for path in pages if path.parent == site / "docs" / "api"]
     assert len(modules) > 20
-    noise = r"\$\$|\\Lambda|Annotated\[|FieldInfo|ForwardRef|dtype\[|<function|<factory| object at 0x"
+    noise = r"\$\$|\\Lambda|Annotated\[|FieldInfo|ForwardRef|dtype\[|<function|<factory| at 0x"
     for path in [*modules, site / "docs" / "index.html"]:
         assert not re.search(noise, pages[path].text), path.name
     for path in modules:
         for entry in re.findall(r'<dt class="sig .*?</dt>', path.read_text(encoding="utf-8"), re.S):
             lines = re.sub(r"<dd>|<[^>]*>", lambda tag: "\n" * (tag[0] == "<dd>"), entry)
-            assert max(map(len, lines.splitlines())) < 180, f"{path.name}: {lines}"
+            assert max(map(len, unescape(lines).splitlines())) <= 110, f"{path.name}: {lines}"
 
 
 @long_ones
@@ -121,7 +124,7 @@ def test_it_has_light_and_dark_colours_and_a_search(site: Path, pages: dict[Path
     style = "".join(path.read_text() for path in (site / "_static").rglob("furo.css"))
     assert "prefers-color-scheme:dark" in style.replace(" ", "")
     index = (site / "searchindex.js").read_text(encoding="utf-8")
-    assert '"inverse_inertia"' in index or "inverse_inertia" in index
+    assert "inverse_inertia" in index
     assert "docs/api/hapticmech_ros.operational" in index
 
 
