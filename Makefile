@@ -100,12 +100,14 @@ small-machine: .venv/package
 
 .PHONY: docs
 docs: .venv/docs-requirements .venv/package
+	rm -rf docs/api
 	$(BIN)/python -m sphinx -W --keep-going -q . site
+	@echo 'Open site/index.html in a browser: file://$(CURDIR)/site/index.html'
 
 .PHONY: clean
 clean:
 	$(if $(FOREIGN),@echo '.venv is kept: make did not make it.',rm -rf .venv)
-	rm -rf build dist demo bench feel reliability site install log $(PACKAGE).egg-info
+	rm -rf build dist demo bench feel reliability docs/api site install log $(PACKAGE).egg-info
 	rm -rf .coverage .mypy_cache .pytest_cache .ruff_cache
 	find . -name .git -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
 

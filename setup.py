@@ -23,7 +23,7 @@ EXECUTABLES = [
     "composed",
 ]
 
-DOCS = ["myst-parser>=4", "sphinx>=8"]
+DOCS = ["furo>=2025.7.19", "myst-parser>=4", "sphinx>=8"]
 MJCF = ["mujoco>=4"]
 LIVE = ["viser>=1.1", *MJCF]
 CLUSTER = ["distributed>=2024.5"]
