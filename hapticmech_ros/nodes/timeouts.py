@@ -88,7 +88,7 @@ class Remedy:
         longest_ms = max(length for _, length in lately) / 1e6
         return (
             f"rendering ended {len(lately)} times within a minute because a process paused, for up "
-            f"to {longest_ms:.0f} ms: this machine does not keep up with {rate_hz:g} Hz: "
+            f"to {longest_ms:.0f} ms: this machine cannot keep this rate ({rate_hz:g} Hz): "
             "see docs/realtime.md"
         )
 
