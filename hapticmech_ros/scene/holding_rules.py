@@ -140,7 +140,7 @@ def _grips(hand: AnyHand) -> Iterator[SceneProblem]:
     switches = sorted(switches + [(time, "grab_at") for time in hand.grab_at])
     for (before, key), (after, next_key) in pairwise(switches):
         if before == after or key == next_key:
-            rule = f"releases and grabs must take turns; before it is {key} {before}"
+            rule = f"releases and grabs must alternate; the one before is {key} {before}"
             yield SceneProblem(f"hand.{next_key}", after, rule)
             return
 
