@@ -158,9 +158,9 @@ def test_advice_names_what_helps() -> None:
     busy = replace(IDLE, missed=0.2, users=2)
     assert "--control-rate 500, --composed, fewer users, ending other programs" in busy.advice()
     least = replace(busy, rate_hz=250.0, composed=True, users=1)
-    assert "what helps: ending other programs" in least.advice()
-    assert "does not carry 250 Hz" in least.advice()
-    assert "leaves too little to other programs" in replace(IDLE, used=1.1).advice()
+    assert "try ending other programs" in least.advice()
+    assert "does not keep up with 250 Hz" in least.advice()
+    assert "leaves too little time to other programs" in replace(IDLE, used=1.1).advice()
 
 
 @pytest.mark.parametrize("version", [1, 2])

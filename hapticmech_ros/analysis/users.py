@@ -152,8 +152,8 @@ def _holding_still(scene: Scene, point: str) -> Scene:
     for name in scene.held_points:
         own = scene.held_at(name)
         if name != point and not isinstance(own.hand, TargetHand | ConstantWrenchHand):
-            rule = "must be an arm, a spring_damper or a constant_wrench: its impedance is to be"
-            raise InvalidInputError("hand", own.hand.kind, f"{rule} known")
+            rule = "must be an arm, spring_damper or constant_wrench, whose impedance is known"
+            raise InvalidInputError("hand", own.hand.kind, rule)
         holds = name != point and isinstance(own.hand, TargetHand)
         hand = still(own.hand) if holds else NO_HAND
         entry = {"point": name, "hand": hand, "device": own.device}

@@ -226,7 +226,7 @@ class SqliteReader:
             number, time_ns, data = checked_message(row)
             seen += len(data) + ROW
             if seen > self._size:
-                raise DamageError("it has more messages than there is room for in it")
+                raise DamageError("it has more messages than fit into it")
             yield number, time_ns, data
 
     def close(self) -> None:
@@ -293,7 +293,7 @@ class SqliteScan:
                     for found in _rows(database):
                         read += ROW + len(found.data) if found.data is not None else 0
                         if read > size:
-                            raise DamageError("it has more messages than there is room for in it")
+                            raise DamageError("it has more messages than fit into it")
                         yield found
             except (sqlite3.Error, DamageError, UnicodeDecodeError) as error:
                 self.trouble = f"cannot be read to its end ({error})"

@@ -68,7 +68,8 @@ def show_check(check: SceneCheck, left: LeftOut) -> None:
     lines = {
         "scene": check.scene,
         "mechanism": f"{check.links} links of {check.mass_kg:.4g} kg, {check.joints} moving joints",
-        "coordinates": f"nv = {check.nv}, closures of rank {check.rank}, mobility {check.mobility}",
+        "degrees of freedom": f"{check.mobility}"
+        + (f": {check.nv} of joints, {check.rank} taken by loops" if check.rank else ""),
     }
     if check.fitted:
         lines["fitted loops"] = check.fitted
@@ -82,8 +83,9 @@ def show_check(check: SceneCheck, left: LeftOut) -> None:
         felt = "-" if point.mass_kg is None else f"{point.mass_kg[0]:.3g} to {point.mass_kg[1]:.3g}"
         margin = f"{point.loop.periods} periods" if point.loop.periods >= 0 else "[yellow]none[/]"
         points.append((point.name, point.link, str(point.rank), str(point.count), felt, margin))
-    columns = ("name", "link", "rank of X", "count", "kg", "delay margin")
-    console.print(_table("operational points at the start", columns, points))
+    columns = ("name", "link", "free", "blocked", "felt mass, kg", "delay margin")
+    title = "operational points at the start: free and blocked directions"
+    console.print(_table(title, columns, points))
     for name, text in _accuracy(check.accuracy):
         console.print(f"{name:<20} {text}", highlight=False, markup=False, soft_wrap=True)
     changing = [note for note in left.notes if note.rank < 2]
@@ -146,14 +148,14 @@ def _accuracy(found: StepAccuracy) -> Iterator[tuple[str, str]]:
         return
     yield (
         "accuracy of steps",
-        f"over {found.duration_s:g} s, with steps of a tenth the operational point differs by"
-        f" {found.position_m:.1e} m and {found.rotation_rad:.1e} rad, the force by"
+        f"over {found.duration_s:g} s, ten times shorter steps change the operational point by"
+        f" {found.position_m:.1e} m and {found.rotation_rad:.1e} rad, and the force by"
         f" {found.force_n:.1e} N",
     )
-    done_again = f"; {found.refined} steps repeated in smaller ones" if found.refined else ""
+    done_again = f"; {found.refined} steps were divided" if found.refined else ""
     yield (
         "energy of steps",
-        f"error of {found.surplus_j:.1e} J, of {found.exchanged_j:.1e} J exchanged{done_again}",
+        f"error of {found.surplus_j:.1e} J, with {found.exchanged_j:.1e} J exchanged{done_again}",
     )
 
 

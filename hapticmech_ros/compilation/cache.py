@@ -127,8 +127,8 @@ def is_own(folder: Path) -> bool:
     fault = _fault(found) if stat.S_ISDIR(found.st_mode) else "is no folder, but a link to one"
     if fault:
         warn(
-            f"{folder} {fault}: no kernels are loaded from it, nor kept there; mend that, or name "
-            "another folder by NUMBA_CACHE_DIR"
+            f"{folder} {fault}: kernels are neither loaded from nor kept in it; correct this, or "
+            "set NUMBA_CACHE_DIR to another folder"
         )
     return not fault
 

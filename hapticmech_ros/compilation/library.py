@@ -247,7 +247,7 @@ def _built_at(made: Path) -> bytes:
     if late.is_set():
         raise LibraryError(f"kernels: not done after {COMPILE_TIMEOUT_S:g} s")
     if process.returncode < 0:
-        raise LibraryError(f"kernels: their builder was ended by signal {-process.returncode}")
+        raise LibraryError(f"kernels: the build was ended by signal {-process.returncode}")
     if process.returncode or not made.exists():
         raise LibraryError(f"kernels cannot be compiled: {last or 'nothing was written'}")
     return made.read_bytes()
@@ -305,7 +305,7 @@ def _check_interface() -> None:
     for one in (Record(), Structure(np.zeros(1), np.zeros(1))):
         slots = (ctypes.c_size_t * len(one.__slots__)).from_address(id(one) + SLOTS_AT)
         if list(slots) != [id(getattr(one, name)) for name in sorted(one.__slots__)]:
-            raise LibraryError("this Python keeps objects as no kernel knows them")
+            raise LibraryError("kernels do not know how this Python stores objects")
     probe = np.zeros((3, 5))
     words = (ctypes.c_size_t * 3).from_address(id(probe) + DATA_AT)
     # The shape is read only where the data pointer is right.
@@ -313,7 +313,7 @@ def _check_interface() -> None:
         shape = words[(SHAPE_AT - DATA_AT) // ctypes.sizeof(ctypes.c_size_t)]
         if shape and ctypes.c_int64.from_address(shape).value == len(probe):
             return
-    raise LibraryError("this NumPy keeps arrays as no kernel knows them")
+    raise LibraryError("kernels do not know how this NumPy stores arrays")
 
 
 def _parted(signature: str) -> tuple[str, list[str]]:

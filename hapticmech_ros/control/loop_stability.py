@@ -102,7 +102,7 @@ class LoopMargins:
         if self.periods >= needed:
             return None
         period_ms = 1e3 * period
-        margin = f"has a delay margin of {self.periods * period_ms:g} ms"
+        margin = f"is stable up to a delay of {self.periods * period_ms:g} ms only"
         if self.periods < 0:
             margin = "is unstable even without delay"
         return (

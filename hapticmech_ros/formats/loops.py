@@ -33,7 +33,7 @@ from hapticmech_ros.formats.xml_nodes import Node, Source
 IN_FIXED = "mimic in a fixed joint"
 OF_FIXED = "mimic of a joint that does not move"
 WHY = {
-    IN_FIXED: "there is nothing to move",
+    IN_FIXED: "a fixed joint cannot follow",
     OF_FIXED: "the joint is fixed where its leader holds it",
 }
 

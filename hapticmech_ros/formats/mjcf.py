@@ -20,6 +20,7 @@ from hapticmech_ros.formats.mjcf_compiled import SEEN, Compiled, pose
 from hapticmech_ros.formats.mjcf_equalities import Equalities
 from hapticmech_ros.formats.model import (
     DRAWN,
+    DRIVEN,
     SENSED,
     UNKNOWN,
     WHY_ELSEWHERE,
@@ -46,12 +47,12 @@ SHAPES = {
 COLLIDES = "geom that collides"
 RIGID = "bodies are rigid"
 INACTIVE = "inactive equality of a joint or tendon"
-LEFT_OUT = "reference from a replica to what is not in it"
+LEFT_OUT = "reference from a replica to outside"
 OF_TENDON, ELSEWHERE = "armature of a tendon", "armature of an actuator on no hinge or slide"
-CURVED = "damping or stiffness that is no number"
+CURVED = "nonlinear damping or stiffness"
 WHY = {
     "geom": "drawn only; its inertia is used if the file requests that",
-    "actuator": "joints have no motors: the hand and the scene move them; armature is read",
+    "actuator": f"{DRIVEN}; armature is read",
     "sensor": SENSED,
     "tendon": "write springs between two frames in a scene file",
     "contact": "list contacts of shapes in a scene file",

@@ -23,7 +23,7 @@ Place = tuple[str, pin.SE3]
 SAME = 1e-9
 LOCK, FOLLOWS = "an equality without joint2", "follows a joint that is locked"
 NOT_BACK = (
-    "joint1 is locked, joint2 not: leave the equality out, and lock joint2 where it holds it by a"
+    "joint1 is locked, joint2 is not: in place of this equality, lock joint2 at its position by a"
     " joint equality without joint2"
 )
 

@@ -20,20 +20,22 @@ Array = np.ndarray
 Document = dict[str, Any]
 WORLD = "world"
 
-DRAWN = "pictures are drawn from the joints"
+DRAWN = "for pictures only: nothing of it is felt"
+DRIVEN = "joints have no motors here: your hand and the forces of the scene move them"
+FOREIGN = "belongs to another simulator"
 # Drake's tags for rotors, in URDF and SDFormat.
 ROTOR, GEAR = "drake:rotor_inertia", "drake:gear_ratio"
 ROTOR_ELSEWHERE = "rotor of no revolute or prismatic joint"
 WHY_ELSEWHERE = "write armature at the joints that it moves"
 # A loop of the file that the scene has not closed; its notes come first.
 LEFT_OPEN = "loop left open"
-SENSED = "only poses and wrenches are sensed"
-UNKNOWN = "not of a mechanism, or not known"
+SENSED = "only poses and wrenches are measured"
+UNKNOWN = "not part of a mechanism, or unknown"
 # Elements for pictures and sensors only; and motors, controllers, contacts.
 _UNFELT = ("visual", "material", "geom", "camera", "light", "sensor")
 _IDLE = (
     *("actuator", "transmission", "ros2_control", "safety_controller", "calibration", "flag"),
-    *("limit effort", "limit velocity", "plugin", "gazebo", "include of a world", "collision"),
+    *("effort limit", "velocity limit", "plugin", "gazebo", "include of a world", "collision"),
 )
 
 

@@ -19,6 +19,8 @@ from hapticmech_ros.formats import loops
 from hapticmech_ros.formats.loops import BALL, ball_constraint, left_open
 from hapticmech_ros.formats.model import (
     DRAWN,
+    DRIVEN,
+    FOREIGN,
     GEAR,
     ROTOR,
     ROTOR_ELSEWHERE,
@@ -63,14 +65,14 @@ ELSEWHERE = "include of a world"
 WHY = {
     "visual": DRAWN,
     ELSEWHERE: "no such file beside this one: that model is not read",
-    "plugin": "of another simulator",
+    "plugin": FOREIGN,
     "sensor": SENSED,
     ROTOR_ELSEWHERE: WHY_ELSEWHERE,
     "mimic of a second axis": "joints have one axis",
     INEXACT: WHY_INEXACT,
     **loops.WHY,
-    "limit effort": "joints have no motors: only the hand and the scene move them",
-    "limit velocity": "joints have no motors: only the hand and the scene move them",
+    "effort limit": DRIVEN,
+    "velocity limit": DRIVEN,
 }
 FLAGS = {"true": True, "1": True, "false": False, "0": False}
 # m per turn, right-handed; and its older form, rad/m, left-handed.
@@ -402,7 +404,7 @@ class _Reader:
         limit = axis.first("limit") if axis is not None else None
         if limit is None:
             return None
-        self.notes.update(f"limit {t}" for t in ("effort", "velocity") if limit.first(t))
+        self.notes.update(f"{t} limit" for t in ("effort", "velocity") if limit.first(t))
         lower = self._number(limit, "lower", -np.inf, np.inf)
         upper = self._number(limit, "upper", np.inf, np.inf)
         if lower > upper:

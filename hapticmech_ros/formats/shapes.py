@@ -113,7 +113,7 @@ def _folders_shown(places: list[Path]) -> str:
 # A scene's shapes.
 KINDS = ("sphere", "box", "cylinder", "capsule", "half_space", "mesh")
 NAMES_SHOWN = 20
-NAMEABLE = "a contact of a scene file can name it"
+NAMEABLE = "no effect unless a contact of a scene file names it"
 OTHER = f"a scene's shapes are {', '.join(KINDS)}"
 
 

@@ -73,12 +73,12 @@ RATE_LIMIT = 200
 # rad or m; a stop beyond this is none, as SDFormat has it.
 NO_LIMIT = 1e15
 NO_CUT = (
-    f"closes a loop, which only these can: {sorted(LOOP_JOINTS)}; nor is any other joint of its "
-    "loop one: make a link of it of two parts, and join these by a fixed joint"
+    f"closes a loop, but only these types can, and no joint of the loop is one: "
+    f"{sorted(LOOP_JOINTS)}; split a link of the loop in two, joined by a fixed joint"
 )
-NO_SENSE = "a loop-closing joint is a hinge only: write springs and dampers in a scene file"
-NO_POSITION = "it has no position of its own to be coupled or started at"
-RAISED = "a principal moment was above the sum of the others, which were raised alike to meet it"
+NO_SENSE = "they are not used: write springs and dampers in a scene file"
+NO_POSITION = "it has no coordinate, so it cannot be coupled or given a start"
+RAISED = "a principal moment exceeded the sum of the other two, which were raised equally"
 Place = tuple[str, pin.SE3]
 
 
@@ -421,7 +421,9 @@ class _Builder:
         ]
         notes += [one for one in map(self._travel, self._model.couplings) if one is not None]
         notes += [
-            Note(f"body {name}: no joint carries it", 1, "it is free: others hold it to the world")
+            Note(
+                f"body {name}: no joint carries it", 1, "it is free: joints of other bodies hold it"
+            )
             for name in self._floating
         ]
         notes += self._model.notes

@@ -22,6 +22,8 @@ from hapticmech_ros.formats.cuts import reversed_joint
 from hapticmech_ros.formats.loops import BALL, ball_constraint, left_open
 from hapticmech_ros.formats.model import (
     DRAWN,
+    DRIVEN,
+    FOREIGN,
     GEAR,
     LEFT_OPEN,
     ROTOR,
@@ -209,18 +211,17 @@ JOINT_TYPES = {
     "floating": "free",
     "planar": "planar",
 }
-DRIVEN = "joints have no motors: only the hand and the scene move them"
 WHY = {
     "visual": DRAWN,
     "safety_controller": "a virtual mechanism has no controller of its own",
     "calibration": "a virtual mechanism needs none",
     "transmission": "joints are moved by forces, not through motors; drake:rotor_inertia is read",
     "material": DRAWN,
-    "gazebo": "of another simulator",
+    "gazebo": FOREIGN,
     "ros2_control": "a virtual mechanism has no controller of its own",
-    "limit effort": DRIVEN,
-    "limit velocity": DRIVEN,
-    "limit left out": "no stops, as of a continuous joint",
+    "effort limit": DRIVEN,
+    "velocity limit": DRIVEN,
+    "limit left out": "the joint has no stops, like a continuous one",
     "sensor": SENSED,
     ROTOR_ELSEWHERE: WHY_ELSEWHERE,
     **loops.WHY,
@@ -396,7 +397,7 @@ def _limits(
     if limit is not None:
         for attribute in ("effort", "velocity"):
             if source.value(limit, attribute, 0.0, ANY) > 0.0:
-                notes[f"limit {attribute}"] += 1
+                notes[f"{attribute} limit"] += 1
     if kind not in ("revolute", "prismatic"):
         return None
     if limit is None:

@@ -337,7 +337,7 @@ def record_in_lockstep(
 def _waiting(missing: Sequence[str]) -> str:
     """Return the stage to show while topics are missing, or the load is being measured."""
     if not missing:
-        return "looking whether the graph fits this machine"
+        return "testing whether this machine keeps up"
     more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
     return f"waiting for {missing[0]}{more}"
 

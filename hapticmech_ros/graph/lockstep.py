@@ -176,10 +176,12 @@ def _check(run: LockstepRun) -> None:
         raise InvalidInputError("control_rate", run.parameters["control_rate"], rule)
     check_feeds(run.feed)
     if {"hand", "device"} <= set(run.feed):
-        rule = "hand and device exclude each other: a device that is fed has its hand in it"
+        rule = "feed hand or device, not both: samples of a device contain its hand"
         raise InvalidInputError("feed", run.feed, rule)
     if bool(run.feed) != (run.feed_from is not None):
-        raise InvalidInputError("feed", run.feed, "a bag and what to feed from it go together")
+        raise InvalidInputError(
+            "feed", run.feed, "a bag and inputs to feed from it must both be given"
+        )
     if run.feed and len(run.hold) > 1:
         raise InvalidInputError("hold", run.hold, "only one point can be held while inputs are fed")
 

@@ -120,10 +120,10 @@ class GraphLoad:
         helps += ["fewer users"] if self.users > 1 else []
         helps.append("ending other programs")
         carried = self.missed <= MOST_MISSED
-        why = "leaves too little to other programs at" if carried else "does not carry"
+        why = "leaves too little time to other programs at" if carried else "does not keep up with"
         return (
             f"this machine {why} {self.rate_hz:g} Hz: the loop may be interrupted; "
-            f"what helps: {', '.join(helps)} (docs/realtime.md)"
+            f"try {', '.join(helps)} (docs/realtime.md)"
         )
 
 

@@ -97,8 +97,8 @@ class Fit:
         before, now = self.mobility
         return (
             f"{', '.join(self.closures)}: frames were moved by up to {self.moved_m:.1e} m and"
-            f" {self.moved_rad:.1e} rad, so that loops close (to {self.residual:.1e} before) and"
-            f" move, with mobility {now} (as written {before})"
+            f" {self.moved_rad:.1e} rad, so that loops close (before: to {self.residual:.1e}) and"
+            f" move with mobility {now} (before: {before})"
         )
 
 

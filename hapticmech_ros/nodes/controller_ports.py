@@ -146,7 +146,7 @@ class EngagementLog:
         state = "engaged" if self._engaged else "disengaged"
         times = f"{self._unlogged} more time{'s' * (self._unlogged > 1)}"
         if self._explained:
-            times += f" ({self._explained} by pauses of a process)"
+            times += f" ({self._explained} because a process paused)"
         self._logger().warning(f"disengaged {times}, the last: {self._reason}; now {state}")
         self._unlogged, self._explained, self._logged_ns = 0, 0, self._now_ns()
 
@@ -606,10 +606,10 @@ class DevicePath(InOrder):
             return ""
         done = "gains are not reduced (parameter soften)"
         if soften:
-            done = f"gains are reduced to a one-way delay of {1e3 * self._follower.delay:.0f} ms"
+            done = f"gains are reduced for a one-way delay of {1e3 * self._follower.delay:.0f} ms"
         return (
-            f"the round trip to the device takes {1e3 * self.round_trip:.0f} ms, declared are "
-            f"{1e3 * designed:.0f} ms, and the gains allow {1e3 * admissible:.0f} ms: {done}; "
+            f"the round trip to the device takes {1e3 * self.round_trip:.0f} ms instead of the "
+            f"declared {1e3 * designed:.0f} ms, and gains allow {1e3 * admissible:.0f} ms: {done}; "
             "set network_delay to the one-way delay on all nodes"
         )
 

@@ -90,7 +90,7 @@ from hapticmech_ros.wire.wrench import encode_wrench
 SERVO, HOLD = "servo_cp", "hold"
 ONE_KIND = "one kind of command at a time"
 # A command to stop the device would not be received.
-DEAF = "the middleware of this node stands still"
+DEAF = "the middleware of this node does not respond"
 
 
 class PoseCommands:
@@ -676,7 +676,7 @@ class DeviceDriver(ClockedActor[D]):
         sentence = doing if rendering else f"{fault or 'no commands'}: actuators at zero"
         doubtful = self._users.fault(now)
         if rendering and doubtful:
-            sentence += f", not corrected by what two say: {doubtful}"
+            sentence += f", not corrected for other hands: {doubtful}"
         return (
             rendering and not doubtful,
             sentence,

@@ -142,8 +142,8 @@ class ExternalWrenches:
             if publishers > 1 and not source.shared:
                 source.shared = True
                 node.get_logger().warning(
-                    f"{publishers} publishers on {name}: the newest message counts; "
-                    f"to be summed, each needs a name of its own, such as {name}/left"
+                    f"{publishers} publishers on {name}: only the newest message acts; "
+                    f"to sum them, publish each on a topic of its own, such as {name}/left"
                 )
             # A persistent wrench stays when its publisher is gone; so does one not yet expired.
             gone = source.found and not publishers and not source.persistent
@@ -180,7 +180,7 @@ class ExternalWrenches:
             self._named.add(name)
             known = ", ".join(self._bodies)
             node.get_logger().warning(
-                f"{name} acts on no body of the scene: must be below one of {known}"
+                f"{name} names no body of the scene: must be below one of {known}"
             )
 
     def _add(self, name: str, body: str, persistent: bool, found: bool) -> None:

@@ -241,8 +241,8 @@ class HapticDevice(DeviceDriver[DeviceParameters]):
         if not self.lockstep and is_too_fast(twist, self.fastest):
             found = f"{np.linalg.norm(twist[:3]):.3g} m/s, {np.linalg.norm(twist[3:]):.3g} rad/s"
             speed, turning = self.fastest
-            most = f"device.motion.speed is {speed:g}, angular_speed {turning:g}"
-            raise OutputError("twist of device/state", found, f"{most}: nothing moves it so fast")
+            rule = f"must not exceed device.motion: {speed:g} m/s, {turning:g} rad/s"
+            raise OutputError("twist of device/state", found, rule)
         super()._publish(stamp_ns)
 
     def pushed(self, deadline_ns: int) -> Array:

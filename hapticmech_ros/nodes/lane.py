@@ -63,7 +63,7 @@ def lane_folder(environment: Mapping[str, str]) -> Path:
             whose permissions only the middleware enforces.
     """
     if environment.get(SECURED, "").lower() == "true":
-        raise LaneError(f"{SECURED} is true: only the middleware keeps to its permissions")
+        raise LaneError(f"{SECURED} is true: only the middleware enforces permissions")
     user = os.geteuid()
     runtime = environment.get("XDG_RUNTIME_DIR", "")
     above = Path(runtime if _is_private(runtime) else tempfile.gettempdir())

@@ -160,9 +160,8 @@ def feed_from_bag(path: Path, scene: Scene, kinds: Sequence[str]) -> Feed:
         layout = StateLayout(mechanism)
         decoded = [layout.unpack(decode(data)) for data in states]
         if any((state.grasps != flat_grasps(scene)).any() for state in decoded):
-            raise BagError(
-                f"bag {path}: held elsewhere than in the scene, so it cannot be replayed"
-            )
+            rule = "an operational point is not where the scene has it, so it cannot be replayed"
+            raise BagError(f"bag {path}: {rule}")
         times = [state.stamp_ns for state in decoded]
         for index, name in enumerate(mechanism.point_names):
             values = np.array([state.contacts[index] for state in decoded])

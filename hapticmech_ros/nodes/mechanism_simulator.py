@@ -531,7 +531,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         figures["fault"] = self._two_command(now)
         fault = self._fault() or self._operating.withheld
         if not fault and drift > SCHEMES[self._mechanism.scene.simulation.integrator].drift:
-            fault = f"energy has drifted by {drift:.1%} of what was exchanged: shorten the period"
+            fault = f"energy has drifted by {drift:.1%} of the energy exchanged: shorten the period"
         if not fault and now - self._inaccurate_ns < NANOSECONDS:
             fault = self._inaccuracy()
         well = not fault

@@ -51,7 +51,7 @@ class CouplingGuard:
         """Return the topics that must not be used now, and log when the first of them comes."""
         found = [topic for topic, one in self._watched.items() if one.fault(now_ns)]
         if found and not self._warned:
-            text = f"{self.fault(now_ns)}: commands are not corrected for other hands by it"
+            text = f"{self.fault(now_ns)}: no correction for other hands"
             self._actor.node.get_logger().warning(text)
         self._warned = bool(found)
         return found

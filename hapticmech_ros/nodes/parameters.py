@@ -356,7 +356,9 @@ class LiveParameters(SceneSubscriberParameters):
 
     transport: Transport = text("middleware", "as for the other nodes", "never")
     host: str = text("127.0.0.1", "address that is served; 0.0.0.0: to the whole network", "never")
-    port: int = count(8080, "of the page; the next free one if it is taken", 1, 65535, "never")
+    port: int = count(
+        8080, "port of the page; if it is taken, the next free one", 1, 65535, "never"
+    )
 
 
 def changes_of(model: type[NodeParameters], name: str) -> Changes:

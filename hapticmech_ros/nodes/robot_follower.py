@@ -212,7 +212,7 @@ class RobotFollower(ClockedActor[FollowerParameters]):
             raise InvalidInputError("linear_rate", linear, "must be -1 with observer_rate -1")
         if linear == BY_RULE:
             if parameters.interface != "effort":
-                rule = f"must be 0 or more with interface {parameters.interface}: R8 is of torques"
+                rule = f"must be 0 or more with interface {parameters.interface}: -1 is for torques"
                 raise InvalidInputError("linear_rate", linear, rule)
             # Both rates share the sum that the delay allows.
             if observer not in (0.0, BY_RULE):

@@ -39,15 +39,15 @@ class FollowerParameters(JointParameters):
     robot_point: str = text("", "operational point of the robot; empty: its first")
     gravity: str = text(
         "",
-        "that the law compensates for, m/s^2; empty: the robot's file's, and 0 0 -9.81 for URDF",
+        "gravity on the robot, m/s^2; empty: that of the robot's file, for URDF 0 0 -9.81",
     )
     wrench_topic: str = text(
-        "", "WrenchStamped of a sensor at robot_point, in the axes of its frame_id; empty: none"
+        "", "WrenchStamped of a force sensor at robot_point, axes of its frame_id; empty: none"
     )
     wrench_frame: str = text(
-        "", "frame of the robot whose axes wrench_topic has, whatever frame_id; empty: frame_id"
+        "", "frame that gives the axes of wrench_topic in place of its frame_id; empty: frame_id"
     )
-    torque_limits: str = text("", "of all joints, N m or N, with spaces between; empty: none")
+    torque_limits: str = text("", "of each joint, N m or N, separated by spaces; empty: none")
     joint_timeout: float = timeout(
         "joint states older than this are stale", ROBOT_JOINTS, "unconfigured"
     )
@@ -59,7 +59,7 @@ class FollowerParameters(JointParameters):
     )
     largest_error: float = number(
         0.1,
-        "a target farther away is followed from where it is then",
+        "if the target is farther away, the robot follows again from where both are",
         "m",
         0.001,
         10.0,
@@ -67,7 +67,7 @@ class FollowerParameters(JointParameters):
     )
     swing_speed: float = number(
         0.05,
-        "speed about the target whose reversals are an oscillation, which lowers rates; 0: none",
+        "reversals at this speed about the target count as a swing, which lowers rates; 0: none",
         "m/s",
         0.0,
         10.0,
@@ -87,50 +87,54 @@ class FollowerParameters(JointParameters):
         BY_RULE,
         1000.0,
     )
-    damping_ratio: float = number(1.0, "of both", "1", 0.0, 10.0)
+    damping_ratio: float = number(1.0, "damping ratio of position and orientation", "1", 0.0, 10.0)
     posture_rate: float = number(
         5.0, "rate with which joints return to the robot's initial state", "1/s", 0.0, 100.0
     )
     observer_rate: float = number(
         0.0,
-        "rate of the observer of friction and payload, which a robot without a wrench sensor has "
-        "for contacts; 0: none; -1: by loop_delay and unknown_payload",
+        "rate of the observer of friction and payload (without a wrench sensor: of contacts too); "
+        "0: none; -1: by loop_delay and unknown_payload",
         "1/s",
         BY_RULE,
         500.0,
     )
     loop_delay: float = number(
         0.0,
-        "from a sample of the joints to the middle of the period in which its torques act, for "
+        "delay from a joint sample to the middle of the period in which its torques act; used by "
         "rates of -1",
         "s",
         0.0,
         1.0,
     )
     unknown_payload: float = number(
-        0.0, "largest unmodelled mass at the tool, for rates of -1", "kg", 0.0, 1000.0
+        0.0, "largest unmodelled mass at the tool; used by rates of -1", "kg", 0.0, 1000.0
     )
-    payload_centre: str = text("0 0 0", "where it is, from robot_point in its axes, m")
+    payload_centre: str = text("0 0 0", "place of unknown_payload, from robot_point in its axes, m")
     gain_ramp: float = number(
-        0.3, "time over which rates pass to others", "s", 0.0, 10.0, "unconfigured"
+        0.3, "time over which changed rates take effect", "s", 0.0, 10.0, "unconfigured"
     )
     feedback: float = number(
-        1.0, "share of the robot's contact that acts on the mechanism", "1", 0.0, 1.0
+        1.0, "share of the robot's contact force that acts on the mechanism", "1", 0.0, 1.0
     )
-    feedback_force: float = number(20.0, "largest force of it", "N", 0.0, 1000.0)
-    feedback_torque: float = number(2.0, "largest torque of it", "N m", 0.0, 100.0)
+    feedback_force: float = number(20.0, "largest contact force on the mechanism", "N", 0.0, 1000.0)
+    feedback_torque: float = number(
+        2.0, "largest contact torque on the mechanism", "N m", 0.0, 100.0
+    )
     feedback_passivity: bool = flag(
         True, "limit the energy that the contact gives the mechanism", "any"
     )
     feedback_allowance: float = number(
-        0.0005, "that a contact may give beyond what the mechanism gave it", "J", 0.0, 10.0
+        0.0005, "energy that a contact may give in excess of what it received", "J", 0.0, 10.0
     )
     tool_mass: float = number(
         0.0, "mass beyond the wrench sensor", "kg", 0.0, 1000.0, "unconfigured"
     )
-    tool_centre: str = text("0 0 0", "its centre of mass from robot_point, in its axes, m")
-    sensor_offset: str = text("0 0 0 0 0 0", "of the wrench sensor without tool, N and N m")
-    sensor_gravity: str = text("0 0 -9.81", "that acts on the tool, world axes, m/s^2")
+    tool_centre: str = text("0 0 0", "centre of mass of the tool, from robot_point in its axes, m")
+    sensor_offset: str = text(
+        "0 0 0 0 0 0", "reading of the wrench sensor without tool and load, N and N m"
+    )
+    sensor_gravity: str = text("0 0 -9.81", "gravity on the tool, world axes, m/s^2")
 
 
 class SimulatedRobotParameters(JointParameters):

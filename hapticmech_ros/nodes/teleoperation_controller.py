@@ -68,6 +68,7 @@ from hapticmech_ros.wire.messages import (
 from hapticmech_ros.wire.topics import DEVICE_POSE, DEVICE_STATE, POINT_COMMAND, POINT_MODEL
 
 CLUTCHED = "the button of the clutch is pressed"
+DISOBEYED = ", which the mechanism does not obey"
 # Zeros are stamped this much after the last answers, ns, which follow their samples by up to 1 us.
 ZERO_AFTER_NS = 2000
 
@@ -364,7 +365,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             silent.append(POINT_MODEL.of(self.point))
         model = self._model.value
         if not silent and model is not None and not model.commanded:
-            silent.append(POINT_COMMAND.of(self.point) + " to act on the mechanism")
+            silent.append(f"the mechanism to obey {POINT_COMMAND.of(self.point)}")
         engaged = self._clutch is not None and not silent and not fault
         lacks = f"waiting for {', '.join(silent) or 'a device'}"
         sentence = "engaged" if engaged else f"disengaged: {fault}" if fault else lacks
@@ -460,7 +461,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             self._disengage_for([DEVICE_STATE.name], gap, self._device_pauses)
         if not model.commanded:
             # The mechanism does not receive commands (yet): no commands to the device until then.
-            self._disengage_for([POINT_COMMAND.of(self.point) + " (not acted on by the mechanism)"])
+            self._disengage_for([POINT_COMMAND.of(self.point) + DISOBEYED])
             self._outputs.mechanism(NO_WRENCH, stamp)
             return
         self._answer_to(device, model, stamp, now_ns)
@@ -477,7 +478,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         if now_ns - self._last_ns > self.timeout_ns:
             lost.append(DEVICE_STATE.name)
         if not model.commanded:
-            lost.append(POINT_COMMAND.of(self.point) + " (not acted on by the mechanism)")
+            lost.append(POINT_COMMAND.of(self.point) + DISOBEYED)
             self._outputs.mechanism(NO_WRENCH, model.stamp_ns)
         if lost:
             self._disengage_for(lost, *silent)

@@ -87,8 +87,8 @@ class Remedy:
         self._logged_ns = now_ns
         longest_ms = max(length for _, length in lately) / 1e6
         return (
-            f"within a minute rendering ended {len(lately)} times because a process paused, for up "
-            f"to {longest_ms:.0f} ms: this machine does not carry this rate ({rate_hz:g} Hz): "
+            f"rendering ended {len(lately)} times within a minute because a process paused, for up "
+            f"to {longest_ms:.0f} ms: this machine cannot keep this rate ({rate_hz:g} Hz): "
             "see docs/realtime.md"
         )
 

@@ -57,7 +57,7 @@ def connection_warning(scene: Scene, gains: Controller) -> str:
     if joint.stiffness <= MARGIN**2 * admissible:
         return ""
     return (
-        f"over a connection of {1e3 * delay:g} ms each way a joint constraint that the device does "
-        f"not close itself may have {admissible:.3g} N/m for a margin of three, but has "
-        f"{joint.stiffness:g} N/m: set controller.joint_constraint.local, or give no stiffness"
+        f"a joint constraint of {joint.stiffness:g} N/m is too stiff for a connection of "
+        f"{1e3 * delay:g} ms each way, {admissible:.3g} N/m is not: set "
+        "controller.joint_constraint.local to true, or leave stiffness out"
     )

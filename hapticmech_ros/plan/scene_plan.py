@@ -179,11 +179,14 @@ def _accuracy(found: StepAccuracy, length: float) -> Iterator[str]:
     if found.failed:
         yield f"the scene's experiment ends early: {found.failed}"
     if found.inaccurate:
-        yield f"{found.inaccurate} steps of the experiment are inaccurate: shorten the period"
+        yield (
+            f"{found.inaccurate} steps of the scene's experiment exceed simulation.accuracy"
+            ".tolerance: shorten the period"
+        )
     if found.position_m > COARSE * length:
         yield (
-            f"with steps of a tenth the operational point differs by {found.position_m:.2g} m in"
-            " the scene's experiment: shorten the period, or add substeps"
+            f"ten times shorter steps move the operational point by {found.position_m:.2g} m in the"
+            " scene's experiment: shorten the period, or add substeps"
         )
 
 
@@ -229,7 +232,7 @@ def _start(simulator: Simulator, state: MechanismState) -> Iterator[str]:
     written, _ = authored_state(mechanism.scene, mechanism.tree)
     moved = float(np.abs(mechanism.difference(written, state.q)).max())
     if moved > FAR:
-        yield f"the start as written was not closed: joints were moved by up to {moved:.2g}"
+        yield f"loops are open at the start as written: joints were moved by up to {moved:.2g}"
 
 
 def _stiffness(simulator: Simulator) -> Iterator[str]:
@@ -239,7 +242,7 @@ def _stiffness(simulator: Simulator) -> Iterator[str]:
         return
     for element in stiff_elements(scene, mechanism.tree, mechanism.elements.springs):
         yield (
-            f"{element}, with which {scene.simulation.integrator} may be unstable: leave integrator"
+            f"{element}: {scene.simulation.integrator} may be unstable with it; leave integrator"
             " out, or set linearly_implicit"
         )
 

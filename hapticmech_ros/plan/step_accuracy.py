@@ -99,7 +99,7 @@ def step_accuracy(
             refined=account.refined,
             inaccurate=account.inaccurate,
         )
-        what = "the same with steps of a tenth"
+        what = "the same with ten times shorter steps"
         fine, _ = experiment_run(finer, watch)
     except HapticMechError as error:
         return StepAccuracy(found.duration_s, failed=str(error))

@@ -469,7 +469,7 @@ class Follower:
         """Refuse rates of torques that no joint states are new enough for."""
         period, longest = self._settings.period, longest_delay(tuning)
         if self._settings.interface == "effort" and longest <= period:
-            rule = f"must bear a delay of more than the period, {period:g} s: bears {longest:g} s"
+            rule = f"must allow a delay above one period, {period:g} s, not only {longest:g} s"
             raise InvalidInputError("linear_rate", tuning.gains.linear_rate, rule)
 
     def update_joints(self, q: Array, v: Array, time: float) -> None:

@@ -32,9 +32,8 @@ def pose_without_torques(scene: SceneDocument) -> str:
     if scene.task == "position" or scene.device.actuated == "all":
         return ""
     return (
-        "the device has no torques: with task: pose a link that turns as it is moved is felt"
-        " heavier than it is, unless the handle is turned along; task: position holds it as by a"
-        " ball joint"
+        "the device has no torques: with task: pose, a link that turns as it moves feels too heavy"
+        " unless you turn the handle with it; with task: position you hold it as by a ball joint"
     )
 
 
@@ -56,8 +55,8 @@ def hand_beyond_device(scene: SceneDocument) -> str:
         if size > limit:
             unit = "N" if what == "force" else "N m"
             return (
-                f"the hand pushes with {size:.4g} {unit} and device.{what}_limit is {limit:.4g}"
-                f" {unit}: where the mechanism does not give way, the device is pushed away from it"
+                f"the hand pushes with {size:.4g} {unit}, but device.{what}_limit is {limit:.4g}"
+                f" {unit}: where the mechanism is blocked, the hand pushes the device away from it"
             )
     return ""
 
@@ -141,7 +140,7 @@ def _grips(hand: AnyHand) -> Iterator[SceneProblem]:
     switches = sorted(switches + [(time, "grab_at") for time in hand.grab_at])
     for (before, key), (after, next_key) in pairwise(switches):
         if before == after or key == next_key:
-            rule = f"releases and grabs must take turns; before it is {key} {before}"
+            rule = f"releases and grabs must alternate; the one before is {key} {before}"
             yield SceneProblem(f"hand.{next_key}", after, rule)
             return
 

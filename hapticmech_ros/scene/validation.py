@@ -150,7 +150,7 @@ def _set(value: Any, steps: list[str | int], new: object, key: str, source: str)
         place = _place(value, step, key, source)
         return [*value[:place], _set(value[place], rest, new, key, source), *value[place + 1 :]]
     if isinstance(step, int) or not (value is None or isinstance(value, Mapping)):
-        raise scene_error(source, key, step, "leads nowhere: there is neither a mapping nor a list")
+        raise scene_error(source, key, step, "leads nowhere: there is no mapping or list")
     inside = {} if value is None else value
     return {**inside, step: _set(inside.get(step), rest, new, key, source)}
 

@@ -345,7 +345,7 @@ def _versions_there(client: Any, address: str, patience: float) -> Mapping[str, 
         found = client.run(versions, on_error="return", callback_timeout=patience)
     except TimeoutError:
         workers = ", ".join(client.scheduler_info()["workers"])
-        rule = f"of the workers of {address} one does not answer within {patience:g} s"
+        rule = f"a worker of {address} does not answer within {patience:g} s"
         raise ClusterError(f"{rule}: {workers}") from None
     return dict(found)
 

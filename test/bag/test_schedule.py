@@ -68,7 +68,7 @@ def test_some_topics_only(path: Path) -> None:
     ("given", "rule"),
     [
         ({"topics": ["/x"]}, "no topic /x"),
-        ({"start_offset_s": 10.0}, "nothing to play behind 10 s"),
+        ({"start_offset_s": 10.0}, "nothing to play after 10 s"),
         ({"start_offset_s": -1.0}, "must be positive"),
         ({"duration_s": 0.0}, "must be positive"),
     ],

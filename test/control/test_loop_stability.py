@@ -98,7 +98,7 @@ def test_scene_check_warns_of_a_loop_without_delay_margin():
     assert check_scene(scene).warnings == ()
     warning, *others = check_scene(with_gains(scene, 8.0)).warnings
     # In such a loop nothing is told of steps but that they do not lead to one motion.
-    assert all("with steps of a tenth" in other for other in others)
+    assert all("ten times shorter steps" in other for other in others)
     assert "at handle the loop is unstable even without delay" in warning
     margin = check_scene(scene).points[0].loop.gain
     assert f"limit is {margin / 8.0:.2g} times" in warning

@@ -93,7 +93,7 @@ def test_a_joint_that_cannot_be_asked_for_is_named(tmp_path, said, kind, tail, w
 def test_a_mimic_of_a_joint_that_closes_a_loop_says_so(tmp_path):
     tail = LOOP.replace('"fixed"', '"revolute"').replace("<parent", '<axis xyz="0 0 1"/><parent')
     path = urdf(tmp_path, mimic='<mimic joint="l"/>', tail=tail)
-    with pytest.raises(SceneError, match="joint 'l' closes a loop: it has no position"):
+    with pytest.raises(SceneError, match="joint 'l' closes a loop: it has no coordinate"):
         read_model(path)
 
 

@@ -205,7 +205,7 @@ URDF = {
         "</robot>",
         '<joint name="again" type="floating"><parent link="link1"/><child link="link2"/></joint>'
         "</robot>",
-        "which only these can",
+        "only these types can",
     ),
 }
 

@@ -134,7 +134,7 @@ def test_a_loop_of_slides_alone_is_refused_with_the_way_out(tmp_path):
         )
     ]
     file, _ = scene_of(tmp_path, "wedge", [*wedge, *slides], "a")
-    with pytest.raises(SceneError, match="of two parts, and join these by a fixed joint"):
+    with pytest.raises(SceneError, match="in two, joined by a fixed joint"):
         read_model(file)
     # As it says.
     parts = [*wedge, body("b2", "0 0 0 0 0 0"), *slides, pin_of("w", "b", "b2", kind="fixed")]

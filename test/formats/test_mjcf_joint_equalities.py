@@ -168,7 +168,7 @@ REFUSED = {
     "a leader of a locked joint": (
         HINGE,
         LOCK.replace("<joint", '<joint joint1="k" joint2="s" polycoef="0 1 1"/><joint'),
-        "lock joint2 where it holds it",
+        "lock joint2 at its position",
     ),
 }
 

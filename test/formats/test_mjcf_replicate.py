@@ -52,7 +52,7 @@ def test_references_are_those_that_mujoco_compiles(tmp_path):
         assert armatures[joint.name] == pytest.approx(
             float(joint.armature[0]) + (1.2 if joint.name.startswith("j") else 0.0)
         )
-    assert counts_in(ours)["reference from a replica to what is not in it"] == 1
+    assert counts_in(ours)["reference from a replica to outside"] == 1
 
 
 @pytest.mark.parametrize(

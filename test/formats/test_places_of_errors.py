@@ -131,7 +131,7 @@ BROKEN = {
                 SDF_JOINT.format("l", "prismatic", "a", "b", ""),
             ),
         ),
-        *(6, "joint", "which only these can"),
+        *(6, "joint", "only these types can"),
     ),
 }
 

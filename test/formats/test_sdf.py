@@ -223,7 +223,7 @@ def test_what_acts_in_a_joint_is_carried_over(tmp_path, lower, upper, stops):
     found = ours.written("i")
     assert (found.damping, found.friction, found.stiffness, found.rest) == (2.0, 3.0, 4.0, 0.5)
     assert (found.limits and (found.limits.lower, found.limits.upper)) == stops
-    assert ours.notes == {"limit effort": 1}
+    assert ours.notes == {"effort limit": 1}
 
 
 def test_gravity_is_that_of_the_world(tmp_path):
@@ -271,7 +271,7 @@ BROKEN = {
             *(link("a"), joint("i", "world", "a", kind="prismatic")),
             joint("k", "world", "a", kind="prismatic"),
         ],
-        "which only these can",
+        "only these types can",
     ),
 }
 

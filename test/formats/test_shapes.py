@@ -179,7 +179,7 @@ def test_scene_check_lists_the_names(tmp_path):
     assert "and 9 more, which --json lists" in told
     found = json.loads(ran("scene", "check", file, "--json"))
     assert found["model_shapes"] == [f"base_collision_{k}" for k in range(2, 71)]
-    assert "collision (69 x): a contact of a scene file can name it" in found["notes"]
+    assert "collision (69 x): no effect unless a contact of a scene file names it" in found["notes"]
 
 
 NAMES = (

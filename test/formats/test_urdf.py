@@ -181,7 +181,7 @@ def test_what_a_scene_does_not_have_is_noted(tmp_path):
         **dict.fromkeys(("material", "gazebo", "transmission", "ros2_control", "odd"), 1),
         **dict.fromkeys(("collision: nothing", "safety_controller", "calibration"), 1),
         "visual": 3,
-        **dict.fromkeys(("limit effort", "limit velocity", "joint j: lower = upper"), 1),
+        **dict.fromkeys(("effort limit", "velocity limit", "joint j: lower = upper"), 1),
     }
     assert all(note.why and str(note.count) in str(note) for note in notes_in(imported))
 

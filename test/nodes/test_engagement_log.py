@@ -90,7 +90,7 @@ def test_of_those_that_are_counted_it_is_told_how_many_are_explained(said):
     said.engagement.engaged("the device had paused for 15 ms")
     said.engagement.report_counts()
     assert said.lines[-1][1] == (
-        "disengaged 3 more times (2 by pauses of a process), "
+        "disengaged 3 more times (2 because a process paused), "
         "the last: lost b: the device had paused for 15 ms; now engaged"
     )
 

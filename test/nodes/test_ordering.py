@@ -196,7 +196,7 @@ def test_a_longer_way_than_declared_is_said_and_softened_for():
     assert control.aim == (gains, 0.05)
     assert control.way == 1.0
     assert "takes 100 ms" in said[0]
-    assert "reduced to a one-way delay of 50 ms" in said[0]
+    assert "reduced for a one-way delay of 50 ms" in said[0]
     figures = way.figures(gains, True, "")
     assert figures["loop_warning"] == said[0]
     assert figures["round_trip_ms"] == "100.0"

@@ -165,12 +165,12 @@ def test_of_two_publishers_neither_corrects_and_rendering_goes_on(left: Left, to
     well, sentence, figures = left.host.actor.status()
     assert not well
     assert figures["coupling_fault"].startswith(f"more than one publisher of {topic}: ")
-    assert sentence == f"rendering, not corrected by what two say: {figures['coupling_fault']}"
+    assert sentence == f"rendering, not corrected for other hands: {figures['coupling_fault']}"
     assert (figures["fault"], figures["times_held"]) == ("", held)
     assert left.counts() == (before[0], before[1] + 100)
     warnings = [text for level, text in left.host.log.lines if level == "warning"]
     assert [text for text in warnings if topic in text] == [
-        f"{figures['coupling_fault']}: commands are not corrected for other hands by it"
+        f"{figures['coupling_fault']}: no correction for other hands"
     ]
     # Once the second has been silent for a second.
     assert not left.run(900).any()

@@ -1397,7 +1397,7 @@ def test_a_device_that_moves_faster_than_it_can_be_moved_is_left_to_python(
             process.go(20 * MS if log.by_kernel > 20 else MS // 2)
             for got in process.answers()[-1:]:
                 peer.speak(encode_wrench(np.array((0.5, 0.0, 0.0, 0.0, 0.0, 0.0)), stamp_in(got)))
-        assert "nothing moves it so fast" in actor.failures.last
+        assert "must not exceed device.motion" in actor.failures.last
         # To a state that may be published.
         assert actor.failures.count == 1
         assert actor.node.active

@@ -56,7 +56,7 @@ def test_what_there_is_no_time_for_is_said():
 
     # 30 looks at the experiment of 750 ticks, then some at the other.
     found = step_accuracy(scene, after(40), told.append)
-    assert found.left_out.startswith("the same with steps of a tenth: ")
+    assert found.left_out.startswith("the same with ten times shorter steps: ")
     assert (found.surplus_j, found.exchanged_j) == (whole.surplus_j, whole.exchanged_j)
     assert "steps of the experiment: 100%" in told
     assert step_accuracy(scene, after(0)).left_out.startswith("steps of the experiment: 3%")

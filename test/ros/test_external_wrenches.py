@@ -191,6 +191,6 @@ def test_slips_are_refused_and_named(domain: int, peer: Peer) -> None:
         arm.until_warned("2 publishers", "/mechanism/handle/external_cf", "of its own")
         arm.push("handle/external_cf", 0.01, 0.0, 0.0, 0.0, 0.0, 0.0, frame="handle")
         arm.until_status("pushed_by", "/mechanism/handle/external_cf")
-    warnings = [log.msg for log in arm.logs if "acts on no body" in log.msg]
+    warnings = [log.msg for log in arm.logs if "names no body" in log.msg]
     assert len(warnings) == 1
     assert all(np.isfinite(six(force)).all() for force in arm.forces)

@@ -241,9 +241,9 @@ def test_what_cannot_be_run_is_refused(runs: dict[str, Path], tmp_path: Path) ->
     bag = runs["five_bar"]
     for given, word in (
         ({"feed_from": bag, "feed": ("foot",)}, "foot"),
-        ({"feed_from": bag, "feed": ("hand", "device")}, "exclude"),
-        ({"feed_from": bag}, "go together"),
-        ({"feed": ("hand",)}, "go together"),
+        ({"feed_from": bag, "feed": ("hand", "device")}, "not both"),
+        ({"feed_from": bag}, "must both be given"),
+        ({"feed": ("hand",)}, "must both be given"),
         ({"feed_from": bag, "feed": ("hand",), "hold": ("a", "b")}, "one point"),
     ):
         with pytest.raises(InvalidInputError, match=word):

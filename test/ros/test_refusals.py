@@ -103,7 +103,7 @@ TOO_SHORT = "must be 0 or at least 3 periods of 250 Hz, 0.012 s (got 0.011)"
         (FOLLOWER, {"robot": ROBOT, "torque_limits": "1 2 x"}, ("torque_limits",)),
         (FOLLOWER, {"robot": "five_bar"}, ("no closures",)),
         (FOLLOWER, {"robot": ROBOT, **RATED}, ("loop_delay",)),
-        (FOLLOWER, {"robot": ROBOT, "interface": "velocity", **RATED}, ("R8 is of torques",)),
+        (FOLLOWER, {"robot": ROBOT, "interface": "velocity", **RATED}, ("-1 is for torques",)),
         (
             FOLLOWER,
             {"robot": ROBOT, "loop_delay": 0.01, "payload_centre": "1", **RATED},

@@ -222,7 +222,7 @@ def test_a_second_device_of_another_user_stops_that_user_alone(users: Users, pee
     peer.until(lambda: all(one in users.fault() for one in named), "both to be named", doing=tell)
     status = statuses["b/haptic_device"]
     assert status.level == DiagnosticStatus.WARN
-    assert status.message == f"rendering, not corrected by what two say: {users.fault()}"
+    assert status.message == f"rendering, not corrected for other hands: {users.fault()}"
     before, answers = users.corrected(), ("b/teleoperation_controller", "answers")
     enough = statuses.count(*answers) + 200
     peer.until(

@@ -94,7 +94,7 @@ def cut_of(
     first, last = bag.span_ns
     start = first + nanoseconds(start_offset_s)
     if start > last or not last:
-        raise BagError(f"bag {bag.path}: nothing to play behind {start_offset_s:g} s")
+        raise BagError(f"bag {bag.path}: nothing to play after {start_offset_s:g} s")
     stop = last + 1 if duration_s is None else min(last + 1, start + nanoseconds(duration_s))
     return Cut(tuple(topics), start, stop)
 
