@@ -146,18 +146,18 @@ def test_history_keeps_ten_seconds_and_begins_anew_with_time():
     session, picture = begun("five_bar")
     history = History()
     history.begin(picture.users, 3)
-    columns = {title: of for title, _, of in history.plots()}
-    assert [len(column) for column in columns["joint constraints"]()] == [1, 1]
+    columns = {one.title: one.columns for one in history.plots()}
+    assert [len(column) for column in columns["joint constraints felt"]()] == [1, 1]
     state = session.state()
     for time in np.arange(0.0, 20.0, 0.02):
         history.add(replace(state, time=float(time)))
-    times, *s = columns["s"]()
+    times, *s = columns["response"]()
     assert len(s) == 3
     assert s[0][-1] == state.users[0].observation[0]
     assert times[-1] - times[0] == pytest.approx(10.0, abs=0.6)
     assert np.diff(times).min() >= 0.05
     history.add(replace(state, time=3.0))
-    assert columns["joint constraints"]()[0].tolist() == [3.0]
+    assert columns["joint constraints felt"]()[0].tolist() == [3.0]
 
 
 @pytest.mark.parametrize("name", shipped_scenes())
