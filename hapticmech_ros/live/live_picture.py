@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The picture of a live session: shapes, hulls of meshes, and which of them can be dragged.
 
-Meshes are drawn as their hulls: these have few triangles, as a browser without a GPU needs.
+Meshes that may touch are drawn as their hulls, others as they are; of large ones the hulls, which
+have few triangles, as a browser without a GPU needs.
 
 Shapes are instances of a few unit bodies: arrays that a page sends whole, one set for each body.
 
@@ -24,7 +25,7 @@ from typing import Literal, NamedTuple, cast
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.contact.hull import Polytope, drawn_hulls, mesh_hulls
+from hapticmech_ros.contact.hull import drawn_meshes, mesh_hulls
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.live.commands import Draggable, LiveState, Opened, UserState
 from hapticmech_ros.loading import find_scene
@@ -232,14 +233,14 @@ def _turned(profile: Array, corners_around: int) -> tuple[Array, Array]:
 
 
 class Solid(NamedTuple):
-    """A body with corners of its own that is drawn of a link; of a mesh it is the convex hull.
+    """A body with corners of its own that is drawn of a link; of a mesh that may touch its hull.
 
     Attributes:
         link: of the scene, or ``world``.
         place: its frame in the link's.
         corners: (n, 3) m, in its frame.
         triangles: (k, 3) of corners.
-        colour: of the palette.
+        colour: of its file, or of the palette.
     """
 
     link: str
@@ -262,18 +263,17 @@ def visual_bodies(scene: str) -> list[Solid]:
         shapes = drawn_shapes(find_scene(scene))
     except HapticMechError:
         return []
-    hulls = iter(drawn_hulls([one.geometry for one in shapes if isinstance(one.geometry, Mesh)]))
+    geometries = [one.shape.geometry for one in shapes]
+    meshes = iter(drawn_meshes([one for one in geometries if isinstance(one, Mesh)]))
     found = []
-    for shape in shapes:
-        geometry = shape.geometry
-        body = _corners(next(hulls)) if isinstance(geometry, Mesh) else _primitive(geometry)
-        if body is not None:
-            found.append(Solid(shape.link, se3(shape.origin), *body, palette.LINK))
+    for (shape, colour), geometry in zip(shapes, geometries, strict=True):
+        body = next(meshes) if isinstance(geometry, Mesh) else _primitive(geometry)
+        if body is not None and (colour is None or colour[3] > 0.0):
+            place = se3(shape.origin)
+            found.append(
+                Solid(shape.link, place, *body, palette.LINK if colour is None else colour)
+            )
     return found
-
-
-def _corners(hull: Polytope | None) -> tuple[Array, Array] | None:
-    return None if hull is None else (hull.vertices, hull.triangles)
 
 
 def _primitive(

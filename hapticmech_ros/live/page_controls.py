@@ -487,6 +487,7 @@ class SceneNodes:
             color=tuple(round(255 * part) for part in solid.colour[:3]),
             opacity=None if solid.colour[3] == 1.0 else solid.colour[3],
             flat_shading=True,
+            side="double",  # files are not sure to have their triangles outwards
             cast_shadow=False,
             receive_shadow=False,
         )
