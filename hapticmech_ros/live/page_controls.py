@@ -107,7 +107,7 @@ def hint_html(points: Sequence[str]) -> str:
     return f'<div style="{_LARGE}" id="live-hint">Drag {ball} or any link.</div>'
 
 
-# Drawn at times: forces, and what belongs to a hand.
+# Drawn at times only.
 _ANYTIME = ("hand_force", "device_command", "contact_force", "point_command")
 _WORDS = {
     "device": "ball: your hand, on the device; drag it",
@@ -141,13 +141,14 @@ def legend_html(seen: Collection[str], cell: str, hues: Mapping[str, Colour]) ->
         cell: side of a square of the ground, with its unit.
         hues: of the users, by the operational point held, where there are several.
     """
+    common = palette.LEGEND.keys() - palette.FELT
     rows = [
-        _swatch(palette.MEANING[meaning]) + words
+        words if hues and meaning not in common else _swatch(palette.MEANING[meaning]) + words
         for meaning, words in _WORDS.items()
         if meaning in seen or meaning in _ANYTIME
     ]
     if hues:
-        rows.append("what belongs to a user has shades of that user's hue in the table")
+        rows.append("what has no colour here has shades of its user's hue, which the table shows")
     axes = "".join(
         f'<b style="color:{to_hex(colour)}">{name}</b> '
         for name, colour in zip("xyz", palette.AXES, strict=True)
@@ -506,6 +507,8 @@ HIDDEN = frozenset({"axes"})
 _FEW = 4
 # Above, right, below and left of a plot: numbers at the ends of axes need it.
 _PADDING_PX = (12, 24, 0, 0)
+# Of axes, as a panel is narrow: height of labels; height of numbers of times, and width of values.
+_LABEL_PX, _NUMBERS_PX = 18, (28, 44)
 _STROKES = ("#7a4fd0", "#1a7f86", "#d9534f", "#2f6fd0", "#c79a2a", "#5a5a5a")
 
 
@@ -723,9 +726,9 @@ class Controls:
                     "x": viser.uplot.Scale(time=False, auto=True),
                     "y": viser.uplot.Scale(range={"min": least, "max": most}),
                 },
-                axes=(
-                    viser.uplot.Axis(label="time, s", incrs=_STEPS),
-                    viser.uplot.Axis(label=one.unit, incrs=_STEPS),
+                axes=tuple(
+                    viser.uplot.Axis(label=label, labelSize=_LABEL_PX, size=size, incrs=_STEPS)
+                    for label, size in zip(("time, s", one.unit), _NUMBERS_PX, strict=True)
                 ),
                 aspect=1.6,
                 padding=_PADDING_PX,
