@@ -32,7 +32,7 @@ from hapticmech_ros.scene.rules import MESH_SIZE_LIMIT
 MEMORY, MEMORY_PER_BYTE = 256_000_000, 32
 SECONDS, BYTES_PER_SECOND = 2, 4_000_000
 # Of a hull's corners as text, and of a drawn mesh.
-OUTPUT, OUTPUT_DRAWN = 400_000, 4_000_000
+OUTPUT, OUTPUT_DRAWN = 400_000, 8_000_000
 # How many hulls are remembered: a scene is built more than once in a process.
 _REMEMBERED = 64
 

@@ -43,7 +43,7 @@ def surface_of(item: Mapping[str, Any]) -> dict[str, Any]:
         vertices, loaded = _load(item)
     except ValueError as error:
         return {"rule": f"cannot be read as a mesh: {error}"}
-    if loaded.num_tris > MOST_TRIANGLES:
+    if not 0 < loaded.num_tris <= MOST_TRIANGLES:
         return corners_of(item)
     triangles = [
         [one[0], one[1], one[2]] for one in map(loaded.tri_indices, range(loaded.num_tris))

@@ -129,7 +129,8 @@ _HELP = (
     "is the acceleration of that point by a unit force, for each direction. It is 0 in directions "
     "that joints or loops block, which you feel as stiff springs: the joint constraints.",
     "Mouse: drag elsewhere to turn the view, with the right button to move it; the wheel zooms. "
-    "Keys: arrows turn the view, W, A, S, D, Q and E move it.",
+    "Keys: arrows turn the view, W, A, S, D, Q and E move it. On a touch screen one finger drags "
+    "or turns the view, and two move it.",
 )
 
 

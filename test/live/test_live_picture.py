@@ -17,6 +17,7 @@ from hapticmech_ros.live.live_picture import (
     VISUALS,
     LivePicture,
     first_view,
+    ground_below,
     visual_bodies,
 )
 from hapticmech_ros.live.live_session import LiveSession
@@ -95,6 +96,20 @@ def test_the_first_view_sees_everything(name):
     for one in shapes:
         to = one.pose.translation - eye if not len(one.points) else one.points[0] - eye
         assert -to @ near / np.linalg.norm(to) > np.cos(half)
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_the_ground_is_below_everything_and_goes_through_below_the_origin(name):
+    session, picture = begun(name)
+    shapes = picture.draw(session.state()).shapes
+    ground = ground_below(shapes, picture.planar)
+    places = [one.points if len(one.points) else one.pose.translation[None] for one in shapes]
+    assert ground.centre[2] <= min(0.0, np.vstack(places)[:, 2].min())
+    assert (ground.centre[2] < 0.0) or not picture.planar
+    lines = ground.centre[:2] / ground.cell
+    assert lines == pytest.approx(np.round(lines), abs=1e-9)
+    aside = np.abs(np.vstack(places)[:, :2] - ground.centre[:2]).max()
+    assert aside < 0.5 * ground.side
 
 
 def test_forces_that_are_there_already_do_not_change_the_first_view():
