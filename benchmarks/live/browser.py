@@ -17,6 +17,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
 from matplotlib.image import imread
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
@@ -24,6 +25,7 @@ from websockets.sync.client import connect
 from benchmarks import children
 from benchmarks.children import BenchError
 from hapticmech_ros.graph.processes import stop_process
+from hapticmech_ros.live.page import BACKGROUND
 
 Found = TypeVar("Found")
 
@@ -277,11 +279,11 @@ class Page:
             )
 
     def is_drawn(self, x: float, y: float) -> bool:
-        """Return whether a pixel is not white."""
+        """Return whether a pixel has neither the background's colour nor the ground's."""
         clip = {"x": x, "y": y, "width": 1, "height": 1, "scale": 1}
         taken = self.connection.call("Page.captureScreenshot", format="png", clip=clip)
         picture = imread(io.BytesIO(base64.b64decode(taken["data"])))
-        return bool((picture[..., :3] < 0.97).any())
+        return bool((abs(picture[..., :3] - np.array(BACKGROUND) / 255.0) > 0.2).any())
 
     def addresses(self) -> set[str]:
         """Return all addresses that were asked for, websockets included."""

@@ -151,7 +151,7 @@ def show(
 
     loaded = load_scene(scene, changes=changes or ())
     path = Path(f"{loaded.name}.png") if out is None else out
-    besides, unreadable = readable(drawn_shapes(find_scene(scene)))
+    besides, unreadable = readable([one.shape for one in drawn_shapes(find_scene(scene))])
     for error in unreadable:
         console.print(f"not drawn: {error}", highlight=False, markup=False, soft_wrap=True)
     try:

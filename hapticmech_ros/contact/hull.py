@@ -2,24 +2,25 @@
 # SPDX-License-Identifier: Apache-2.0
 """Convex polytopes: vertices and flat faces, of boxes and of hulls of points.
 
-Convex hulls of meshes in files, which a child process with limits reads.
+Convex hulls of meshes in files, which a child process with limits reads, and their triangles.
 
 The files are not trusted, the library that reads them does not check them, and they may have
-millions of vertices: only the corners of a hull are returned.
+millions of vertices: only the corners of a hull are returned, and for pictures the triangles, if
+they are not too many.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from itertools import product
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from hapticmech_ros.contact.mesh_corners import corners_of
+from hapticmech_ros.contact.mesh_corners import corners_of, surface_of
 from hapticmech_ros.errors import FileError, SceneError, SceneProblem
 from hapticmech_ros.files import check_file
 from hapticmech_ros.files.cage import CageError, Limits, caged
@@ -30,8 +31,8 @@ from hapticmech_ros.scene.rules import MESH_SIZE_LIMIT
 # Bytes of memory for any file and for each byte of it; bytes that are read in a second.
 MEMORY, MEMORY_PER_BYTE = 256_000_000, 32
 SECONDS, BYTES_PER_SECOND = 2, 4_000_000
-# Of a hull's corners as text.
-OUTPUT = 400_000
+# Of a hull's corners as text, and of a drawn mesh.
+OUTPUT, OUTPUT_DRAWN = 400_000, 8_000_000
 # How many hulls are remembered: a scene is built more than once in a process.
 _REMEMBERED = 64
 
@@ -87,8 +88,23 @@ def read_mesh(file: str, scale: tuple[float, float, float], key: str) -> Polytop
     return _hulls[one]
 
 
-def drawn_hulls(meshes: Sequence[Mesh]) -> list[Polytope | None]:
-    """Return the hulls of meshes that are drawn alone; None of those that cannot be read.
+class Surface(NamedTuple):
+    """A body that is drawn.
+
+    Attributes:
+        corners: (n, 3) m.
+        triangles: (t, 3) indices of corners.
+    """
+
+    corners: Array
+    triangles: Array
+
+
+_surfaces: dict[_Key, Surface] = {}
+
+
+def drawn_meshes(meshes: Sequence[Mesh]) -> list[Surface | None]:
+    """Return meshes that are drawn alone, of large ones the hulls; None if they cannot be read.
 
     Args:
         meshes: in files that may be missing, or no meshes.
@@ -99,15 +115,17 @@ def drawn_hulls(meshes: Sequence[Mesh]) -> list[Polytope | None]:
             keys.append(_key(mesh, _place(index)))
         except SceneError:
             keys.append(None)
-    new = list(dict.fromkeys(key for key in keys if key is not None and key not in _hulls))
+    new = list(dict.fromkeys(key for key in keys if key is not None and key not in _surfaces))
     try:
-        if new:
-            _read(new, [key.file for key in new])
+        _read_surfaces(new)
     except SceneError:  # one by one, as the others can be read
         for key in new:
             with suppress(SceneError):
-                _read([key], [key.file])
-    return [None if key is None else _hulls.get(key) for key in keys]
+                _read_surfaces([key])
+    found = [None if key is None else _surfaces.get(key) for key in keys]
+    while len(_surfaces) > max(_REMEMBERED, len(found)):
+        del _surfaces[next(iter(_surfaces))]
+    return found
 
 
 def _place(index: int) -> str:
@@ -126,16 +144,50 @@ def _key(mesh: Mesh, place: str) -> _Key:
 
 def _read(keys: Sequence[_Key], places: Sequence[str]) -> None:
     """Read the hulls of files, and remember them."""
+    answers = _answers(keys, places, corners_of, OUTPUT)
+    for key, place, answer in zip(keys, places, answers, strict=True):
+        points: Array = np.array(answer["corners"], dtype=float)
+        try:
+            _hulls[key] = hull(points)
+        except (QhullError, ValueError, IndexError):
+            raise _refused(place, key.file, "the mesh must not be flat") from None
+
+
+def _read_surfaces(keys: Sequence[_Key]) -> None:
+    """Read files to be drawn, and remember them."""
+    answers = _answers(keys, [key.file for key in keys], surface_of, OUTPUT_DRAWN)
+    for key, answer in zip(keys, answers, strict=True):
+        corners: Array = np.array(answer["corners"], dtype=float)
+        if "triangles" in answer:
+            _surfaces[key] = Surface(corners, np.array(answer["triangles"], dtype=int))
+        else:
+            body = hull(corners)
+            _surfaces[key] = Surface(body.vertices, body.triangles)
+
+
+def _answers(
+    keys: Sequence[_Key],
+    places: Sequence[str],
+    work: Callable[[Any], dict[str, Any]],
+    output: int,
+) -> Iterator[dict[str, Any]]:
+    """Yield what a child answers of files; ``output`` is the size (bytes) of one as text.
+
+    Raises:
+        SceneError: of the first file that cannot be read.
+    """
+    if not keys:
+        return
     size = sum(key.bytes for key in keys)
     largest = max(key.bytes for key in keys)
     limits = Limits(
         MEMORY + MEMORY_PER_BYTE * largest,
         SECONDS + len(keys) // 10 + size // BYTES_PER_SECOND,
-        OUTPUT * len(keys),
+        output * len(keys),
     )
     items = [{"file": key.file, "scale": key.scale} for key in keys]
     try:
-        answers = caged(corners_of, items, limits)
+        answers = caged(work, items, limits)
     except CageError as error:
         number = len(error.done)
         rule = f"cannot be read as a mesh: it {error.rule}"
@@ -143,11 +195,7 @@ def _read(keys: Sequence[_Key], places: Sequence[str]) -> None:
     for key, place, answer in zip(keys, places, answers, strict=True):
         if "rule" in answer:
             raise _refused(place, key.file, str(answer["rule"]))
-        points: Array = np.array(answer["corners"], dtype=float)
-        try:
-            _hulls[key] = hull(points)
-        except (QhullError, ValueError, IndexError):
-            raise _refused(place, key.file, "the mesh must not be flat") from None
+        yield answer
 
 
 def _refused(key: str, file: str, rule: str) -> SceneError:

@@ -1,6 +1,8 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Finds corners of the convex hull of a mesh in a file; runs in the child process that reads it.
+"""Finds corners of the convex hull of a mesh in a file, or its triangles, to be drawn.
+
+It runs in the child process that reads the file.
 
 It loads little, as each start of a node with meshes waits for it.
 """
@@ -15,18 +17,16 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 MOST_VERTICES = 2000
+# Of a mesh that is drawn: of a larger one the hull is drawn, for browsers without a GPU.
+MOST_TRIANGLES = 20_000
 
 
 def corners_of(item: Mapping[str, Any]) -> dict[str, Any]:
     """Return the corners of a file's hull, or the rule that the file breaks; runs in the child."""
     try:
-        loaded = coal.MeshLoader().load(item["file"], np.array(item["scale"]))
-        points = np.unique(np.array(loaded.vertices()), axis=0)
-    except (RuntimeError, ValueError) as error:
-        reason = " ".join(str(error).partition("message:")[2].split()) or str(error)
-        return {"rule": f"cannot be read as a mesh: {reason}"}
-    if not np.isfinite(points).all():
-        return {"rule": "cannot be read as a mesh: a vertex is not finite"}
+        points = np.unique(_load(item)[0], axis=0)
+    except ValueError as error:
+        return {"rule": f"cannot be read as a mesh: {error}"}
     try:
         corners = ConvexHull(points).vertices
     except (QhullError, ValueError, IndexError):
@@ -35,3 +35,36 @@ def corners_of(item: Mapping[str, Any]) -> dict[str, Any]:
         rule = f"the hull must have at most {MOST_VERTICES} corners, not {len(corners)}"
         return {"rule": rule}
     return {"corners": points[corners].tolist()}
+
+
+def surface_of(item: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the corners and triangles of a file's mesh; of one with too many, of its hull."""
+    try:
+        vertices, loaded = _load(item)
+    except ValueError as error:
+        return {"rule": f"cannot be read as a mesh: {error}"}
+    if not 0 < loaded.num_tris <= MOST_TRIANGLES:
+        return corners_of(item)
+    triangles = [
+        [one[0], one[1], one[2]] for one in map(loaded.tri_indices, range(loaded.num_tris))
+    ]
+    corners, places = np.unique(vertices.astype(np.float32), axis=0, return_inverse=True)
+    found = places.ravel()[np.array(triangles, dtype=int).reshape(-1, 3)]
+    return {"corners": corners.tolist(), "triangles": found.tolist()}
+
+
+def _load(item: Mapping[str, Any]) -> tuple[np.ndarray, Any]:
+    """Return a file's vertices (n, 3), and what the library has of it.
+
+    Raises:
+        ValueError: it cannot be read, or a vertex is not finite.
+    """
+    try:
+        loaded = coal.MeshLoader().load(item["file"], np.array(item["scale"]))
+    except (RuntimeError, ValueError) as error:
+        reason = " ".join(str(error).partition("message:")[2].split()) or str(error)
+        raise ValueError(reason) from None
+    vertices = np.array(loaded.vertices())
+    if not np.isfinite(vertices).all():
+        raise ValueError("a vertex is not finite")
+    return vertices, loaded

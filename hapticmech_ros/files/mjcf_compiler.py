@@ -31,6 +31,7 @@ ARRAYS = (
     *("jnt_limited", "jnt_stiffness", "jnt_stiffnesspoly", "qpos0", "qpos_spring"),
     *("dof_damping", "dof_dampingpoly", "dof_frictionloss", "dof_armature"),
     *("geom_bodyid", "geom_dataid", "geom_size", "geom_pos", "geom_quat", "mesh_pos", "mesh_quat"),
+    *("geom_group", "geom_rgba", "geom_matid", "mat_rgba"),
     *("site_bodyid", "site_pos", "site_quat"),
     *("eq_obj1id", "eq_obj2id", "eq_active0", "eq_data"),
     *("tendon_adr", "tendon_num", "tendon_armature", "wrap_objid", "wrap_prm"),

@@ -4,6 +4,7 @@
 
 from hapticmech_ros.formats.model import Imported, Note
 from hapticmech_ros.formats.reading import (
+    DrawnShape,
     LeftOut,
     drawn_shapes,
     expand,
@@ -12,6 +13,7 @@ from hapticmech_ros.formats.reading import (
 )
 
 __all__ = [
+    "DrawnShape",
     "Imported",
     "LeftOut",
     "Note",

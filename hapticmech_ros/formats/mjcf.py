@@ -32,6 +32,7 @@ from hapticmech_ros.formats.model import (
     Model,
     Note,
     Point,
+    Rgba,
     Solid,
     State,
 )
@@ -45,6 +46,8 @@ SHAPES = {
     "plane": "half_space",
 }
 COLLIDES = "geom that collides"
+# MuJoCo's viewer draws geoms of groups below this, unless asked otherwise; its colour of no colour.
+GROUPS_DRAWN, NO_COLOUR = 3, (0.5, 0.5, 0.5, 1.0)
 RIGID = "bodies are rigid"
 INACTIVE = "inactive equality of a joint or tendon"
 LEFT_OUT = "reference from a replica to outside"
@@ -247,17 +250,30 @@ class _Reader:
         return body, self._compiled.place(kind, number)
 
     def _geoms(self) -> tuple[list[Solid], list[Solid]]:
-        """Return the geoms that collide, and the others."""
-        found: tuple[list[Solid], list[Solid]] = [], []
+        """Return the geoms that collide, and those that MuJoCo's viewer draws."""
+        solids: list[Solid] = []
+        drawn: list[Solid] = []
         for number, (kind, mesh, collides) in enumerate(self._said["geoms"]):
             shape = SHAPES.get(kind, kind)
             if mesh and kind != "mesh":
                 shape = f"{kind} about a mesh"
             name, (body, place) = self._compiled.names("geom")[number], self._place("geom", number)
             read = partial(self._shape, number, shape, place)
-            found[0 if collides else 1].append(Solid(name, body, shape, COLLIDES, read))
-        self._notes["geom"] += len(found[1])
-        return found
+            solid = Solid(name, body, shape, COLLIDES, read, self._colour(number))
+            solids += [solid] if collides else []
+            drawn += [solid] if self._compiled["geom_group"][number] < GROUPS_DRAWN else []
+            self._notes["geom"] += not collides
+        return solids, drawn
+
+    def _colour(self, number: int) -> Rgba | None:
+        """Return the colour of a geom, else of its material; None without both."""
+        own, material = (self._compiled[f"geom_{key}"][number] for key in ("rgba", "matid"))
+        if tuple(own) == NO_COLOUR:
+            if material < 0:
+                return None
+            own = self._compiled["mat_rgba"][int(material)]
+        red, green, blue, opacity = np.clip(own, 0.0, 1.0).tolist()
+        return red, green, blue, opacity
 
     def _shape(self, number: int, shape: str, place: pin.SE3) -> tuple[pin.SE3, Document]:
         node = self._compiled.node("geom", number)

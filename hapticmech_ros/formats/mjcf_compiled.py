@@ -105,7 +105,8 @@ SECTIONS = (
     *("compiler", "option", "extension", "asset", "default", "worldbody", "keyframe"),
     *REFERRING,
 )
-OF_KEYS = ("name", "qpos", "qvel")
+# Attributes of elements that have others as well, which may need missing files.
+OF_ALONE = {"key": ("name", "qpos", "qvel"), "material": ("name", "class", "rgba")}
 # Advice for MuJoCo's errors.
 ADVICE = {"only HINGE and SLIDE": ": write it as such joints, or hold its body by <weld>"}
 # Kinds of elements by the prefix of their arrays' names.
@@ -190,7 +191,11 @@ class Compiled:
         attributes = "".join(
             f" {key}={quoteattr(value)}"
             for key, value in node.attributes.items()
-            if (key in OF_KEYS if node.tag == "key" else key != "material")
+            if (
+                key in OF_ALONE[node.tag]
+                if node.tag in OF_ALONE
+                else key != "material" or node.tag == "geom"
+            )
         )
         yield f"{chr(10) if node is not root else ''}<{node.tag}{attributes}>"
         for child in node.children:
@@ -199,7 +204,8 @@ class Compiled:
             if (
                 child.tag not in SEEN
                 and (node is not root or child.tag in SECTIONS)
-                and (node.tag != "asset" or child.tag == "mesh")
+                and (node.tag != "asset" or child.tag in ("mesh", "material"))
+                and node.tag != "material"
             ):
                 yield from self._written(child, root)
         yield f"</{node.tag}>"

@@ -161,9 +161,12 @@ class Point:
     origin: pin.SE3
 
 
+Rgba = tuple[float, float, float, float]
+
+
 @dataclass(frozen=True, slots=True)
 class Solid:
-    """A shape of the file for collisions; its errors are raised once it is needed.
+    """A shape of the file for collisions or to be drawn; its errors are raised once it is needed.
 
     Attributes:
         name: as in the file; empty if it has none.
@@ -171,6 +174,7 @@ class Solid:
         kind: of a scene's geometries; else the file's own kind.
         what: element, for notes.
         read: returns its frame in the body, and its geometry as in a scene.
+        colour: red, green, blue and opacity, 0 to 1, if the file has one.
     """
 
     name: str
@@ -178,6 +182,7 @@ class Solid:
     kind: str
     what: str
     read: Callable[[], tuple[pin.SE3, Document]]
+    colour: Rgba | None = None
 
 
 # Of one joint, as in a scene's ``initial_state``.

@@ -18,7 +18,7 @@ from pydantic import ValidationError
 from hapticmech_ros.errors import SceneError, SceneProblem, nearest, scene_error
 from hapticmech_ros.formats.mjcf import read_mjcf
 from hapticmech_ros.formats.mjcf_compiled import open_includes
-from hapticmech_ros.formats.model import Document, Imported, Model, Note, origin_of
+from hapticmech_ros.formats.model import WORLD, Document, Imported, Model, Note, Rgba, origin_of
 from hapticmech_ros.formats.sdf import read_sdf
 from hapticmech_ros.formats.sdf_frames import open_includes as open_sdf_includes
 from hapticmech_ros.formats.shapes import (
@@ -43,6 +43,11 @@ READERS = {"robot": read_urdf, "mujoco": read_mjcf, "sdf": read_sdf}
 LIMITS = dict.fromkeys(("link", "body", "model", "default"), LINK_LIMIT)
 LIMITS["joint"] = 10 * LINK_LIMIT
 WIDER = "model: {{joints: {{{}: {{locked: false, limits: null}}}}}} lets it move"
+# Words in the names of frames and links that people hold, the best first.
+HELD_WORDS = (
+    *("tcp", "end_?effector", "eef", "ee", "tool", "grasp", "pinch", "attachment", "flange"),
+    *("gripper", "hand"),
+)
 # Without a hand in the scene, the hand pushes with zero wrench.
 NO_HAND: Document = {"kind": "constant_wrench"}
 
@@ -116,11 +121,24 @@ def _unused(imported: Imported, there: Collection[str]) -> Iterator[str]:
             yield name
 
 
-def drawn_shapes(path: Path) -> tuple[Shape, ...]:
+class DrawnShape(NamedTuple):
+    """A shape that is drawn.
+
+    Attributes:
+        shape: as in a scene.
+        colour: red, green, blue and opacity, 0 to 1, if the file has one.
+    """
+
+    shape: Shape
+    colour: Rgba | None
+
+
+def drawn_shapes(path: Path) -> tuple[DrawnShape, ...]:
     """Return the drawn shapes of a scene's model file; nothing without one.
 
-    They are its visual shapes, or, without any, the collision shapes that the scene has not.
-    Unreadable ones are left out: they do not affect the mechanism.
+    They are its visual shapes (in MJCF the geoms that MuJoCo's viewer draws), or, without any, the
+    collision shapes, in both cases without those that the scene has. Unreadable ones are left out:
+    they do not affect the mechanism.
 
     Raises:
         SceneError: see :func:`read_model`.
@@ -129,13 +147,19 @@ def drawn_shapes(path: Path) -> tuple[Shape, ...]:
     if not isinstance(document, Mapping) or "model" not in document:
         return ()
     _, imported = _read(document["model"], path)
-    solids = {f"visual_{number}_of_file": solid for number, solid in enumerate(imported.visuals, 1)}
-    if not solids:
-        there = used(document, imported)
+    there = used(document, imported)
+    touching = [imported.shapes[name] for name in there]
+    solids = {
+        f"visual_{number}_of_file": solid
+        for number, solid in enumerate(imported.visuals, 1)
+        if not any(solid is one for one in touching)
+    }
+    if not imported.visuals:
         solids = {name: imported.shapes[name] for name in _unused(imported, there)}
     for name, solid in solids.items():
         with suppress(SceneError, ValidationError):
-            found.append(Shape.model_validate(document_of_shape(name, solid, imported)))
+            shape = Shape.model_validate(document_of_shape(name, solid, imported))
+            found.append(DrawnShape(shape, solid.colour))
     return tuple(found)
 
 
@@ -176,7 +200,8 @@ def expand(document: Mapping[str, Any], source: Path) -> Document:
     """Return a scene's document with ``model`` replaced by the contents of that file.
 
     The document's own keys override the file. Names of the file refer to the links and joints made
-    from them. Defaults: the point held is the tip of the longest branch, the hand does not push,
+    from them. Defaults: the point held is the frame or link that is named as in
+    :data:`HELD_WORDS`, else the tip of the longest branch; the hand does not push,
     joints whose zero is beyond a stop start there, and stops get a stiffness (see ``with_stops``).
 
     Args:
@@ -204,13 +229,25 @@ def expand(document: Mapping[str, Any], source: Path) -> Document:
     found["links"] = [_changed(link, part, imported) for link in found["links"]]
     _refuse_unknown(part, imported, source)
     _refuse_absent(own, imported, str(source))
-    if "operational_points" not in found and imported.tips:
-        found["operational_points"] = [{"name": "tip_point", "link": imported.tips[0]}]
+    place = _held_place(imported)
+    if "operational_points" not in found and place:
+        found["operational_points"] = [_placed({"name": "tip_point", "link": place}, imported)]
     try:
         return with_stops(with_start(with_metrics(found)), str(source))
     except SceneError as error:
         file = str(source.parent / part.file)
         raise _named(error, found["links"], imported, file) from None
+
+
+def _held_place(imported: Imported) -> str:
+    """Return the file's frame or link at which a person would hold it; empty without any."""
+    moving = [name for name, (link, _) in imported.places.items() if link != WORLD]
+    for word in HELD_WORDS:
+        word_in = re.compile(rf"(?<![a-z]){word}(?![a-z])")
+        for name in moving:
+            if word_in.search(name.lower()):
+                return name
+    return imported.tips[0] if imported.tips else ""
 
 
 def _read(written: object, source: Path) -> tuple[ModelPart, Imported]:

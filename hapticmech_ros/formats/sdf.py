@@ -35,11 +35,20 @@ from hapticmech_ros.formats.model import (
     Model,
     Note,
     Point,
+    Rgba,
     Solid,
     from_z,
 )
 from hapticmech_ros.formats.sdf_frames import HERE, OF_MODEL, Frames, Scope, opened
-from hapticmech_ros.formats.shapes import SIZES, find_mesh, not_zero, refused_kind, sized, solid_of
+from hapticmech_ros.formats.shapes import (
+    SIZES,
+    find_mesh,
+    not_zero,
+    refused_kind,
+    rgba,
+    sized,
+    solid_of,
+)
 from hapticmech_ros.formats.xml_nodes import Node, Source
 from hapticmech_ros.scene.part import LARGEST
 
@@ -229,7 +238,8 @@ class _Reader:
         for tag, kept in (("collision", self.solids), ("visual", self.visuals)):
             for part in link.all(tag):
                 place = partial(self.frames.within, part, name)
-                kept.append(solid_of(self.source, part, name, place, _shape_of, SHAPE_KINDS))
+                solid = solid_of(self.source, part, name, place, _shape_of, SHAPE_KINDS)
+                kept.append(replace(solid, colour=_colour(part.first("material"))))
         inertial = link.first("inertial")
         if inertial is None:
             # SDFormat's own default.
@@ -468,6 +478,11 @@ class _Reader:
         body = self.frames.body_of(name, frame, bodies)
         place = self.frames.pose(body, frame).actInv(self.frames.pose(name, frame))
         return Point(name, body, place)
+
+
+def _colour(material: Node | None) -> Rgba | None:
+    diffuse = None if material is None else material.first("diffuse")
+    return None if diffuse is None else rgba(diffuse.text)
 
 
 # Of sizes that are left out; all others are 1 m.

@@ -21,7 +21,16 @@ import pinocchio as pin
 
 from hapticmech_ros.errors import FileError, SceneError, SceneProblem
 from hapticmech_ros.files import is_file, open_file
-from hapticmech_ros.formats.model import Document, Imported, Names, Note, Solid, clean, origin_of
+from hapticmech_ros.formats.model import (
+    Document,
+    Imported,
+    Names,
+    Note,
+    Rgba,
+    Solid,
+    clean,
+    origin_of,
+)
 from hapticmech_ros.formats.xml_nodes import Node, Source
 
 # By scheme: variables with folders that hold packages, and where in these.
@@ -225,6 +234,15 @@ def solid_of(
     kind = "nothing" if shape is node else kinds.get(shape.tag, shape.tag)
     name = node.attributes.get("name", "").strip()
     return Solid(name, link, kind, "collision", partial(read, source, shape, kind, place))
+
+
+def rgba(text: str) -> Rgba | None:
+    """Return a colour, or None if it is none: that affects no mechanism."""
+    try:
+        red, green, blue, *opacity = (min(max(float(part), 0.0), 1.0) for part in text.split())
+    except ValueError:
+        return None
+    return red, green, blue, opacity[0] if opacity else 1.0
 
 
 def sized(

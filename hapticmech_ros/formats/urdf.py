@@ -39,11 +39,20 @@ from hapticmech_ros.formats.model import (
     Model,
     Note,
     Point,
+    Rgba,
     Solid,
     from_z,
 )
 from hapticmech_ros.formats.sdf import read_joints
-from hapticmech_ros.formats.shapes import SIZES, find_mesh, not_zero, refused_kind, sized, solid_of
+from hapticmech_ros.formats.shapes import (
+    SIZES,
+    find_mesh,
+    not_zero,
+    refused_kind,
+    rgba,
+    sized,
+    solid_of,
+)
 from hapticmech_ros.formats.xml_nodes import Node, Source
 
 TAG = "gazebo"
@@ -248,6 +257,7 @@ def read_urdf(source: Source) -> Model:
     visuals: list[Solid] = []
     tags: list[Node] = []
     others: list[Node] = []
+    colours = _colours(source)
     for node in source.root.children:
         if node.tag == "link":
             body = _body(source, node, notes)
@@ -258,7 +268,8 @@ def read_urdf(source: Source) -> Model:
             for tag, kept in (("collision", solids), ("visual", visuals)):
                 for part in node.all(tag):
                     place = partial(placement_in, source, part.first("origin"))
-                    kept.append(solid_of(source, part, body.name, place, _shape_of))
+                    solid = solid_of(source, part, body.name, place, _shape_of)
+                    kept.append(replace(solid, colour=_colour(part.first("material"), colours)))
         elif node.tag == "joint":
             hinge = _hinge(source, node, notes)
             if hinge.name in joints:
@@ -306,6 +317,26 @@ def read_urdf(source: Source) -> Model:
         },
         visuals=visuals,
     )
+
+
+def _colours(source: Source) -> dict[str, Rgba | None]:
+    """Return the colours of named materials, which a file may define anywhere."""
+    materials = [one for one in source.root.walk() if one.tag == "material"]
+    return {
+        one.attributes.get("name", ""): _colour(one, {})
+        for one in materials
+        if one.first("color") is not None
+    }
+
+
+def _colour(material: Node | None, named: Mapping[str, Rgba | None]) -> Rgba | None:
+    """Return the colour of a material, its own or that of its name."""
+    if material is None:
+        return None
+    own = material.first("color")
+    if own is None:
+        return named.get(material.attributes.get("name", ""))
+    return rgba(own.attributes.get("rgba", ""))
 
 
 def _name(node: Node) -> str:

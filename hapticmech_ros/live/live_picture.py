@@ -2,14 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The picture of a live session: shapes, hulls of meshes, and which of them can be dragged.
 
-Meshes are drawn as their hulls: these have few triangles, as a browser without a GPU needs.
+Meshes that may touch are drawn as their hulls, others as they are; of large ones the hulls, which
+have few triangles, as a browser without a GPU needs.
 
 Shapes are instances of a few unit bodies: arrays that a page sends whole, one set for each body.
 
 An instance keeps its place in the arrays as long as its shape is drawn: the place identifies a
 grabbed shape. Free places are drawn without size.
 
-A page sends a picture as instances, by body and by whether they can be grabbed, and lines.
+A page sends a picture as lines and sets of instances: of one body, all to be grabbed or none, all
+opaque or none. A browser draws what is translucent last, and so it hides nothing.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from typing import Literal, NamedTuple, cast
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.contact.hull import Polytope, drawn_hulls, mesh_hulls
+from hapticmech_ros.contact.hull import drawn_meshes, mesh_hulls
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.live.commands import Draggable, LiveState, Opened, UserState
 from hapticmech_ros.loading import find_scene
@@ -36,15 +38,15 @@ from hapticmech_ros.operational.observation import Observation
 from hapticmech_ros.operational.results import felt_masses
 from hapticmech_ros.scene.contacts import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
 from hapticmech_ros.view import Picture, Placement, Placer, Shape, Snapshot, UserSnapshot, palette
-from hapticmech_ros.view.drawn import ABOVE, ASIDE
+from hapticmech_ros.view.drawn import ABOVE, ASIDE, scale_of
 from hapticmech_ros.view.palette import Colour, hues, looks
 from hapticmech_ros.view.picture import DEVICE_DIAMETER
 from hapticmech_ros.view.shapes import MASS, LinkShape, mass_ellipsoid, rotation_to
 
 Body = Literal["sphere", "cylinder", "box", "cone"]
 BODIES: tuple[Body, ...] = ("sphere", "cylinder", "box", "cone")
-# Corners of round bodies: few, as each takes time without a GPU.
-_AROUND, _RINGS = 12, 6
+# Corners around the axis of round bodies, and of those that are seen large, such as the ellipsoid.
+AROUND, AROUND_LARGE = 20, 48
 # Places are added in such steps: one more arrow seldom needs a new set.
 _STEP = 4
 # Size of undrawn instances, m: with 0 their transform would be singular.
@@ -115,12 +117,31 @@ class Instances:
         return found
 
 
-def instance_parts(shapes: Sequence[Shape]) -> dict[Body, list[tuple[Shape, _Part]]]:
-    """Return shapes as parts, by body; lines are none, and texts and triangles are left out."""
-    found: dict[Body, list[tuple[Shape, _Part]]] = {body: [] for body in BODIES}
+class NodeKey(NamedTuple):
+    """A set of instances.
+
+    Attributes:
+        body: that they are of.
+        grabbed: whether they can be grabbed.
+        opaque: whether they hide what is behind them.
+    """
+
+    body: Body
+    grabbed: bool
+    opaque: bool
+
+
+# Shapes that can be grabbed, by the first part of their namespace: arrows do not block others.
+_GRABBED = frozenset({"links", "joints", "solids", "device", "point"})
+
+
+def instance_parts(shapes: Sequence[Shape]) -> dict[NodeKey, list[tuple[Shape, _Part]]]:
+    """Return shapes as parts, by set; lines are none, and texts and triangles are left out."""
+    found: dict[NodeKey, list[tuple[Shape, _Part]]] = {}
     for shape in shapes:
+        grabbed, opaque = shape.meaning in _GRABBED, shape.colour[3] == 1.0
         for part in _parts(shape):
-            found[part[0]].append((shape, part))
+            found.setdefault(NodeKey(part[0], grabbed, opaque), []).append((shape, part))
     return found
 
 
@@ -162,11 +183,15 @@ def _wxyz(rotation: Array) -> Array:
 
 
 @cache
-def unit_body(body: Body) -> tuple[Array, Array]:
+def unit_body(body: Body, around: int = AROUND) -> tuple[Array, Array]:
     """Return corners (n, 3) and triangles (k, 3) of a body of diameter, edges and height 1.
 
     Its centre is at the origin, and its axis along z; a cone's tip is at z = 0.5. Seen from outside
     each triangle turns left.
+
+    Args:
+        body: its kind.
+        around: how many corners a round one has around its axis; a multiple of 4.
     """
     if body == "box":
         corners = np.array(
@@ -175,7 +200,7 @@ def unit_body(body: Body) -> tuple[Array, Array]:
         sides = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
         return corners, np.array([t for a, b, c, d in sides for t in ((a, b, c), (a, c, d))])
     if body == "sphere":
-        tilt = np.linspace(0.0, np.pi, _RINGS + 1)
+        tilt = np.linspace(0.0, np.pi, around // 2 + 1)
         profile = np.column_stack((0.5 * np.sin(tilt), 0.5 * np.cos(tilt)))
     elif body == "cylinder":
         profile = np.array(
@@ -183,22 +208,22 @@ def unit_body(body: Body) -> tuple[Array, Array]:
         )
     else:
         profile = np.array(((0.0, 0.5), (0.5, -0.5), (0.5, -0.5), (0.0, -0.5)))
-    return _turned(profile)
+    return _turned(profile, around)
 
 
-def _turned(profile: Array) -> tuple[Array, Array]:
+def _turned(profile: Array, corners_around: int) -> tuple[Array, Array]:
     """Return a body of revolution about z; profile (m, 2) of radius and height goes downwards."""
-    turn = np.linspace(0.0, 2.0 * np.pi, _AROUND, endpoint=False)
+    turn = np.linspace(0.0, 2.0 * np.pi, corners_around, endpoint=False)
     corners: list[tuple[float, float, float]] = []
     rows: list[list[int]] = []
     for radius, height in profile.tolist():
         around = turn if radius > _NOTHING else turn[:1]
         first = len(corners)
         corners += [(radius * np.cos(a), radius * np.sin(a), height) for a in around]
-        rows.append([first + i % len(around) for i in range(_AROUND + 1)])
+        rows.append([first + i % len(around) for i in range(corners_around + 1)])
     triangles = []
     for above, below in pairwise(rows):
-        for i in range(_AROUND):
+        for i in range(corners_around):
             a, b, c, d = above[i], above[i + 1], below[i], below[i + 1]
             triangles += [t for t in ((a, c, d), (a, d, b)) if len(set(t)) == len(t)]
     places, found = np.array(corners), np.array(triangles)
@@ -208,14 +233,14 @@ def _turned(profile: Array) -> tuple[Array, Array]:
 
 
 class Solid(NamedTuple):
-    """A body with corners of its own that is drawn of a link; of a mesh it is the convex hull.
+    """A body with corners of its own that is drawn of a link; of a mesh that may touch its hull.
 
     Attributes:
         link: of the scene, or ``world``.
         place: its frame in the link's.
         corners: (n, 3) m, in its frame.
         triangles: (k, 3) of corners.
-        colour: of the palette.
+        colour: of its file, or of the palette.
     """
 
     link: str
@@ -238,18 +263,17 @@ def visual_bodies(scene: str) -> list[Solid]:
         shapes = drawn_shapes(find_scene(scene))
     except HapticMechError:
         return []
-    hulls = iter(drawn_hulls([one.geometry for one in shapes if isinstance(one.geometry, Mesh)]))
+    geometries = [one.shape.geometry for one in shapes]
+    meshes = iter(drawn_meshes([one for one in geometries if isinstance(one, Mesh)]))
     found = []
-    for shape in shapes:
-        geometry = shape.geometry
-        body = _corners(next(hulls)) if isinstance(geometry, Mesh) else _primitive(geometry)
-        if body is not None:
-            found.append(Solid(shape.link, se3(shape.origin), *body, palette.LINK))
+    for (shape, colour), geometry in zip(shapes, geometries, strict=True):
+        body = next(meshes) if isinstance(geometry, Mesh) else _primitive(geometry)
+        if body is not None and (colour is None or colour[3] > 0.0):
+            place = se3(shape.origin)
+            found.append(
+                Solid(shape.link, place, *body, palette.LINK if colour is None else colour)
+            )
     return found
-
-
-def _corners(hull: Polytope | None) -> tuple[Array, Array] | None:
-    return None if hull is None else (hull.vertices, hull.triangles)
 
 
 def _primitive(
@@ -281,12 +305,11 @@ LIGHTEST_SHARE, LONGEST_SHARE = 0.15, 0.6
 _BALL = 1.6
 # First distance of the camera, as a share of the picture's size.
 DISTANCE = 1.6
+# The ground: squares of at most this share of the picture's size, how far it goes to each side, and
+# how far it is behind a planar mechanism.
+_CELL, _GROUND, _BEHIND = 0.2, 1.5, 0.1
 # The layer of a model file's drawn shapes, in place of rods.
 VISUALS = "shapes of the model's file"
-# Shapes that can be grabbed, by the first part of their namespace: arrows do not block others.
-_GRABBED = frozenset({"links", "joints", "solids", "device", "point"})
-# Body, and whether it can be grabbed.
-NodeKey = tuple[Body, bool]
 # Layers that users may hide, and the prefixes of their shapes' namespaces.
 LAYERS: dict[str, tuple[str, ...]] = {
     "forces": ("hand_force", "device_command", "contact_force", "point_command"),
@@ -306,7 +329,8 @@ class LiveFrame:
         solids: number of a solid -> pose in the world.
         placement: where all is.
         analyses: of each point that is held, by its name.
-        masses: (k,) felt there, kg, lightest first, infinite where rigid.
+        masses: (k,) felt there, kg, lightest first, infinite in directions that are rigid to
+            the scene's ``perception``.
     """
 
     shapes: list[Shape]
@@ -346,7 +370,9 @@ class LivePicture:
         self._placer = Placer(mechanism)
         self.unit, self.planar = mechanism.length, scene.task_space == "planar"
         self.directions = len(scene.task_rows)
-        devices = [scene.held_at(point).device for point in opened.users]
+        held = {point: scene.held_at(point) for point in opened.users}
+        devices = [one.device for one in held.values()]
+        self._rigid_below = {point: one.perception.s_on for point, one in held.items()}
         self._picture = Picture(
             mechanism,
             FORCE_SHARE * self.unit / max((one.force_limit for one in devices), default=1.0),
@@ -366,7 +392,7 @@ class LivePicture:
         """Return the picture of a state of this scene, without some layers."""
         placement = self._placer.at(state.q)
         analyses = {user.point: self._analysis(user) for user in state.users}
-        masses = {point: felt_masses(found)[0] for point, found in analyses.items()}
+        masses = {point: self._masses(point, found) for point, found in analyses.items()}
         snapshot = Snapshot(
             active=state.active,
             users=tuple(
@@ -413,12 +439,10 @@ class LivePicture:
         Shapes keep their places in the arrays from picture to picture.
         """
         frame, instances = self.draw(state, hidden), {}
-        for grabbed in (True, False):
-            shapes = [s for s in frame.shapes if (s.meaning in _GRABBED) == grabbed]
-            for body, parts in instance_parts(shapes).items():
-                arrays = self._instances.setdefault((body, grabbed), Instances()).arranged(parts)
-                if len(arrays.shapes):
-                    instances[body, grabbed] = arrays
+        parts = instance_parts(frame.shapes)
+        for key in {**self._instances, **parts}:
+            known = self._instances.setdefault(key, Instances())
+            instances[key] = known.arranged(parts.get(key, []))
         return Drawn(self, state, frame, instances, line_segments(frame.shapes))
 
     def link_of(self, drawn: Shape | Solid) -> str | None:
@@ -446,6 +470,15 @@ class LivePicture:
         within = aside.min() < 0.5 * _BALL * DEVICE_DIAMETER * self.unit
         return state.users[int(aside.argmin())].point if within else None
 
+    def _masses(self, point: str, found: OperationalAnalysis) -> Array:
+        """Return the masses (k,) felt, kg: infinite where a direction is a joint constraint."""
+        masses, directions = felt_masses(found)
+        rows = found.rows < 3
+        # Of the link alone 1/m is f·I_ℓ⁻¹ f, and s² the ratio of the two.
+        alone = np.square(found.spectrum.duals[rows].T @ directions[found.rows[rows]]).sum(axis=0)
+        rigid = 1.0 / masses <= self._rigid_below[point] ** 2 * alone
+        return np.where(rigid, np.inf, masses)
+
     def _analysis(self, user: UserState) -> OperationalAnalysis:
         analyser = self._analysers[user.point]
         nv = self._mechanism.nv
@@ -464,6 +497,39 @@ def first_view(shapes: Sequence[Shape], planar: bool) -> tuple[Array, Array, Arr
     A planar scene is seen from above, with y upwards. Forces at the start, as in a running graph,
     have no effect.
     """
+    centre, size, _ = _extent(shapes)
+    towards = ABOVE if planar else ASIDE / np.linalg.norm(ASIDE)
+    up = np.array((0.0, 1.0, 0.0)) if planar else ABOVE
+    return centre + DISTANCE * size * towards, centre, up
+
+
+class Ground(NamedTuple):
+    """A grid of squares below a mechanism; one of its lines' crossings is below the origin.
+
+    Attributes:
+        centre: (3,) m.
+        side: of the whole, m.
+        cell: side of a square, m.
+        words: the same with its unit.
+    """
+
+    centre: Array
+    side: float
+    cell: float
+    words: str
+
+
+def ground_below(shapes: Sequence[Shape], planar: bool) -> Ground:
+    """Return the ground below shapes; of a planar scene it is behind the plane."""
+    centre, size, low = _extent(shapes)
+    cell, words = scale_of(_CELL * size)
+    place = cell * np.round(centre / cell)
+    place[2] = low - _BEHIND * size if planar else min(low, 0.0)
+    return Ground(place, 2.0 * cell * float(np.ceil(_GROUND * size / cell)), cell, words)
+
+
+def _extent(shapes: Sequence[Shape]) -> tuple[Array, float, float]:
+    """Return centre (3,), diagonal and lowest height of the places of shapes, m, without forces."""
     places = np.vstack(
         [
             one.points if len(one.points) else one.pose.translation[None]
@@ -472,10 +538,7 @@ def first_view(shapes: Sequence[Shape], planar: bool) -> tuple[Array, Array, Arr
         ]
     )
     low, high = places.min(axis=0), places.max(axis=0)
-    centre, size = 0.5 * (low + high), max(float(np.linalg.norm(high - low)), 1e-3)
-    towards = ABOVE if planar else ASIDE / np.linalg.norm(ASIDE)
-    up = np.array((0.0, 1.0, 0.0)) if planar else ABOVE
-    return centre + DISTANCE * size * towards, centre, up
+    return 0.5 * (low + high), max(float(np.linalg.norm(high - low)), 1e-3), float(low[2])
 
 
 @dataclass(frozen=True, slots=True)
@@ -486,7 +549,7 @@ class Drawn:
         picture: that drew it.
         state: that it is of.
         frame: its shapes.
-        instances: body, and whether it can be grabbed -> arrays.
+        instances: of each set -> arrays.
         lines: (n, 2, 3) ends, m, and (n, 2, 3) colours, 0 to 255; at least one.
     """
 
@@ -496,9 +559,9 @@ class Drawn:
     instances: dict[NodeKey, InstanceArrays]
     lines: tuple[Array, Array]
 
-    def link_at(self, body: Body, place: int | None) -> str | None:
+    def link_at(self, key: NodeKey, place: int | None) -> str | None:
         """Return the link of an instance; None for instances of no link, such as hands."""
-        shapes = self.instances[body, True].shapes
+        shapes = self.instances[key].shapes
         shape = shapes[place] if place is not None and place < len(shapes) else None
         return None if shape is None else self.picture.link_of(shape)
 

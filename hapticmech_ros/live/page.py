@@ -23,7 +23,7 @@ import viser
 
 from hapticmech_ros.live.commands import Backend, Drag, Failed, LiveState, Open, Opened
 from hapticmech_ros.live.grip import Mice
-from hapticmech_ros.live.live_picture import Drawn, LivePicture, first_view
+from hapticmech_ros.live.live_picture import Drawn, LivePicture, first_view, ground_below
 from hapticmech_ros.live.page_controls import (
     Controls,
     History,
@@ -40,6 +40,7 @@ Made = TypeVar("Made")
 PICTURES_HZ, NUMBERS_HZ, PLOTS_HZ = 30.0, 10.0, 4.0
 # Period of sending drags again, s.
 REPEAT_S = 0.05
+BACKGROUND = (232, 236, 241)
 FIELD_OF_VIEW = float(np.deg2rad(45.0))
 
 
@@ -77,6 +78,7 @@ class LivePage:
         server.scene.configure_default_lights(enabled=False)
         server.scene.add_light_ambient("/ambient", intensity=0.9)
         server.scene.add_light_directional("/light", position=(0.5, 0.4, 1.0), intensity=2.5)
+        server.scene.set_background_image(np.full((1, 1, 3), BACKGROUND, np.uint8), "png")
         server.initial_camera.fov = FIELD_OF_VIEW
         self._mice = Mice(backend.send)
         # Text for each browser alone: its name, and why its drag was refused.
@@ -201,6 +203,11 @@ class LivePage:
         frame = picture.draw(state, self._controls.hidden)
         eye, centre, up = first_view(frame.shapes, picture.planar)
         self._server.scene.set_up_direction("+y" if picture.planar else "+z")
+        ground = ground_below(frame.shapes, picture.planar)
+        self._nodes.stand_on(ground)
+        seen = {one.meaning for one in frame.shapes}
+        seen |= {"hulls" for number in picture.solids if number >= 0}
+        self._controls.explain(seen, ground.words, picture.hues)
         for camera in (
             self._server.initial_camera,
             *(client.camera for client in self._server.get_clients().values()),

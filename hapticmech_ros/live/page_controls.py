@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The controls of the page, and its numbers and plots. To be called in viser's event loop.
 
-Also the last seconds of plotted values, and the page's HTML: the numbers at its top, and quicker
-timers.
+Also the last seconds of plotted values, and the page's HTML: what to do and the numbers at its top,
+the legend, and quicker timers.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from __future__ import annotations
 import html
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import chain, repeat
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import viser
@@ -25,6 +25,7 @@ from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.live.commands import (
     Backend,
     Command,
+    Drag,
     Draggable,
     DragStiffness,
     Hold,
@@ -41,8 +42,11 @@ from hapticmech_ros.live.commands import (
 )
 from hapticmech_ros.live.grip import SOFTEST, STIFFEST
 from hapticmech_ros.live.live_picture import (
+    AROUND,
+    AROUND_LARGE,
     LAYERS,
     Drawn,
+    Ground,
     InstanceArrays,
     LiveFrame,
     LivePicture,
@@ -59,8 +63,11 @@ from hapticmech_ros.live.settings import (
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.quaternions import quaternion_of
+from hapticmech_ros.view import palette
 from hapticmech_ros.view.palette import Colour
+from hapticmech_ros.view.shapes import MASS
 
+_SMALL, _LARGE = "margin:0.5em 1.2em;font-size:0.85em", "margin:0.5em 1em;font-weight:bold"
 # A factor below this is shown as slower than real time.
 _SLOW = 0.98
 # viser's page sends moves of the mouse, and of sliders, every 50 ms at most, and has no setting for
@@ -83,15 +90,73 @@ def words(body: Draggable, several: bool) -> str:
 
 
 def you_html(client: int, said: str) -> str:
-    """Return the text for one browser: its name, and why its drag was refused.
+    """Return the text for one browser: its name to others, and why its drag was refused.
 
     Args:
         client: its number.
         said: why its drag was refused; empty for nothing.
     """
-    problem = f'; <b id="live-refused">{html.escape(said)}</b>' if said else ""
-    style = "margin:0.5em 1.2em;font-size:0.85em"
-    return f'<div style="{style}">this is <b id="live-you">{browser(client)}</b>{problem}</div>'
+    problem = f'<br><b id="live-refused">{html.escape(said)}</b>' if said else ""
+    you = f'<b id="live-you">{browser(client)}</b>'
+    return f'<div style="{_SMALL}">other windows know you as {you}{problem}</div>'
+
+
+def hint_html(points: Sequence[str]) -> str:
+    """Return what to do, with the points that users hold."""
+    ball = "a ball (a user's hand)" if len(points) > 1 else "the yellow ball (your hand)"
+    return f'<div style="{_LARGE}" id="live-hint">Drag {ball} or any link.</div>'
+
+
+# Drawn at times only.
+_ANYTIME = ("hand_force", "device_command", "contact_force", "point_command")
+_WORDS = {
+    "device": "ball: your hand, on the device; drag it",
+    "links": "link; drag it",
+    **{key: palette.LEGEND[key] for key in ("joints", "closures", "open_closures", "springs")},
+    "solids": "shape that may touch",
+    "hulls": "mesh that may touch, as its convex hull",
+    "hand_force": "arrow: force by your hand on the device",
+    "device_command": "arrow: force that you feel, by the device on your hand",
+    "contact_force": "arrow: force by the surroundings on the mechanism",
+    "point_command": "arrow: force by your hand on the mechanism",
+    "rigid_directions": "double arrow: rigid direction, in which a push moves nothing",
+    "free_directions": "thin double arrow: free direction",
+    MASS: "ellipsoid: mass felt at the point held; long where it is heavy",
+}
+_HELP = (
+    "A ring is a torque, or a rotation, about its axis.",
+    "Λ<sub>h</sub><sup>-1</sup>, the inverse inertia of the mechanism at the point that you hold, "
+    "is the acceleration of that point by a unit force, for each direction. It is 0 in directions "
+    "that joints or loops block, which you feel as stiff springs: the joint constraints.",
+    "Mouse: drag elsewhere to turn the view, with the right button to move it; the wheel zooms. "
+    "Keys: arrows turn the view, W, A, S, D, Q and E move it. On a touch screen one finger drags "
+    "or turns the view, and two move it.",
+)
+
+
+def legend_html(seen: Collection[str], cell: str, hues: Mapping[str, Colour]) -> str:
+    """Return what is drawn, with its colours, and help.
+
+    Args:
+        seen: meanings of shapes that are drawn.
+        cell: side of a square of the ground, with its unit.
+        hues: of the users, by the operational point held, where there are several.
+    """
+    common = palette.LEGEND.keys() - palette.FELT
+    rows = [
+        words if hues and meaning not in common else _swatch(palette.MEANING[meaning]) + words
+        for meaning, words in _WORDS.items()
+        if meaning in seen or meaning in _ANYTIME
+    ]
+    if hues:
+        rows.append("what has no colour here has shades of its user's hue, which the table shows")
+    axes = "".join(
+        f'<b style="color:{to_hex(colour)}">{name}</b> '
+        for name, colour in zip("xyz", palette.AXES, strict=True)
+    )
+    rows += [f"{axes}axes of the world, at its origin", f"a square of the ground is {cell} wide"]
+    text = "".join(f"<p>{one}</p>" for one in _HELP)
+    return f'<div style="{_SMALL}" id="live-legend">{"<br>".join(rows)}{text}</div>'
 
 
 def numbers_html(
@@ -128,7 +193,7 @@ def numbers_html(
     slow = "" if state.paused or state.factor >= _SLOW else " (slower than real time)"
     rate = "paused" if state.paused else f"{state.factor:.2f} × real time{slow}"
     common = {
-        ("rate", "rate"): state.told or rate,
+        ("speed", "rate"): state.told or rate,
         ("time, s", "time"): f"{state.time:.2f}",
         ("dragged", "dragged"): ", ".join(words(one, bool(hues)) for one in dragged) or "nothing",
         ("by", "holders"): ", ".join(browser(holders[one]) for one in dragged if one in holders),
@@ -148,12 +213,18 @@ def _of_user(user: UserState, frame: LiveFrame, paused: bool) -> dict[tuple[str,
     return {
         ("joint constraints felt", "count"): str(user.count),
         ("mass felt, kg", "mass"): ", ".join(
-            f"{mass:.3g}" if np.isfinite(mass) else "rigid" for mass in masses
+            _digits(mass) if np.isfinite(mass) else "rigid" for mass in masses
         ),
-        ("s", "s"): ", ".join(f"{value:.3f}" for value in s),
-        ("force of the hand, N", "force"): f"{np.linalg.norm(user.hand_wrench[:3]):.2f}",
+        (RESPONSE, "s"): ", ".join(map(_digits, s)),
+        ("force of the hand, N", "force"): _digits(float(np.linalg.norm(user.hand_wrench[:3]))),
         ("held by", "holding"): immovable if user.immovable else user.holding + waits,
     }
+
+
+def _digits(value: float) -> str:
+    """Return a number with three significant digits, and at most three decimals."""
+    found = np.format_float_positional(value, precision=3, fractional=False, trim="-")
+    return np.format_float_positional(round(float(found), 3), trim="-")
 
 
 def _row(label: str, values: Sequence[tuple[str, str]], columns: int = 1) -> str:
@@ -175,8 +246,31 @@ def _swatch(hue: Colour) -> str:
     return f'<span style="color:{to_hex(hue)}">■</span> '
 
 
+# Of the singular values s_i, for people.
+RESPONSE = "response (0: rigid, 1: as the link alone)"
 # How long plots look back, s, and how often a value is kept.
 SECONDS, PERIOD_S = 10.0, 0.05
+# Smaller forces (N) do not fill a plot; steps of its axes, as viser's page has three decimals.
+_LEAST_N = 0.1
+_STEPS = tuple(float(f"{step}e{power}") for power in range(-3, 7) for step in (1, 2, 5))
+
+
+class Plot(NamedTuple):
+    """A plot over time.
+
+    Attributes:
+        title: above it.
+        unit: of its values, beside their axis.
+        top: the axis goes from 0 to this at least.
+        names: of its lines.
+        columns: returns times and values (n,) of each line.
+    """
+
+    title: str
+    unit: str
+    top: float
+    names: tuple[str, ...]
+    columns: Callable[[], tuple[Array, ...]]
 
 
 class History:
@@ -207,22 +301,25 @@ class History:
             row += user.observation[: self._directions].tolist()
         self._rows.append(np.array(row))
 
-    def plots(self) -> Iterator[tuple[str, tuple[str, ...], Callable[[], tuple[Array, ...]]]]:
-        """Yield every plot: title, names of lines, and a function of times and values (n,).
+    def plots(self) -> Iterator[Plot]:
+        """Yield every plot.
 
         Of each user the number of joint constraints felt, s_i in as many directions as there are,
         and the norms of F_h and of the device's force; then the real-time factor.
         """
-        spectrum = tuple(f"s{i + 1}" for i in range(self._directions))
+        most = self._directions
+        spectrum = tuple(f"direction {i + 1}" for i in range(most))
         several = len(self._users) > 1
         for index, user in enumerate(self._users):
             of, first = f" ({user})" if several else "", self._first(index)
-            yield f"joint constraints{of}", ("count",), partial(self._columns, first)
-            s = range(first + 3, first + 3 + self._directions)
-            yield f"s{of}", spectrum, partial(self._columns, *s)
-            names = ("by the hand", "by the device")
-            yield f"forces, N{of}", names, partial(self._columns, first + 1, first + 2)
-        yield "real-time factor", ("factor",), partial(self._columns, 1)
+            felt = partial(self._columns, first)
+            yield Plot(f"joint constraints felt{of}", "number", most, ("number",), felt)
+            s = partial(self._columns, *range(first + 3, first + 3 + most))
+            yield Plot(f"response{of}", "0: rigid, 1: as the link alone", 1.0, spectrum, s)
+            forces = partial(self._columns, first + 1, first + 2)
+            yield Plot(f"force{of}", "N", _LEAST_N, ("by the hand", "by the device"), forces)
+        speed = partial(self._columns, 1)
+        yield Plot("speed", "times real time", 1.0, ("speed",), speed)
 
     def _first(self, user: int) -> int:
         """Return the column in which a user's values begin."""
@@ -235,6 +332,7 @@ class History:
 
 
 _LINE_WIDTH = 2.0
+_CELLS, _SECTIONS = (205, 211, 219), (180, 188, 199)
 
 
 class SceneNodes:
@@ -254,6 +352,24 @@ class SceneNodes:
         self._lines: Any = None
         self._solids: dict[int, Any] = {}
         self._labels: dict[str, Any] = {}
+
+    def stand_on(self, ground: Ground) -> None:
+        """Show the ground, and the world's axes at its origin."""
+        cell, scene = ground.cell, self._server.scene
+        scene.add_grid(
+            "/ground",
+            ground.side,
+            ground.side,
+            cell_size=cell,
+            section_size=5.0 * cell,
+            cell_color=_CELLS,
+            section_color=_SECTIONS,
+            shadow_opacity=0.0,
+            position=ground.centre,
+        )
+        axes = scene.world_axes
+        axes.axes_length, axes.axes_radius, axes.origin_radius = cell, 0.02 * cell, 0.0
+        axes.visible = True
 
     def clear(self) -> None:
         """Show nothing."""
@@ -327,23 +443,29 @@ class SceneNodes:
             ("batched_colors", old.colours, new.colours),
             ("batched_opacities", old.opacities, new.opacities),
         ):
-            if not np.array_equal(before, now):
+            opaque = key.opaque and name == "batched_opacities"
+            if not (opaque or np.array_equal(before, now)):
                 setattr(node, name, now)
 
     def _made_instances(self, key: NodeKey, arrays: InstanceArrays) -> Any:
-        body, grabbed = key
-        corners, triangles = unit_body(body)
+        body, grabbed, opaque = key
+        # Those that cover much of the picture, such as the ellipsoid: smooth, in a material that is
+        # quickly computed, and by their inside, so that nothing within is hidden.
+        large = body == "sphere" and not (grabbed or opaque)
+        corners, triangles = unit_body(body, AROUND_LARGE if large else AROUND)
+        kind = "opaque" if opaque else "translucent"
         node = self._server.scene.add_batched_meshes_simple(
-            f"/{'grabbed' if grabbed else 'seen'}/{body}",
+            f"/{'grabbed' if grabbed else 'seen'}/{kind}/{body}",
             corners,
             triangles,
             arrays.quaternions,
             arrays.positions,
             batched_scales=arrays.scales,
             batched_colors=arrays.colours,
-            batched_opacities=arrays.opacities,
-            # The ellipsoid covers much of the picture: a material that is quickly computed.
-            material="toon3" if body == "sphere" and not grabbed else "standard",
+            # With opacities viser draws them after what is opaque, even where all are 1.
+            batched_opacities=None if opaque else arrays.opacities,
+            material="toon3" if large else "standard",
+            side="back" if large else "front",
             lod="off",
             flat_shading=body == "box",
             cast_shadow=False,
@@ -353,7 +475,7 @@ class SceneNodes:
 
             async def dragged(event: Any) -> None:
                 shown, at = self._shown, event.instance_index
-                self._on_drag(event, None if shown is None else shown.link_at(body, at))
+                self._on_drag(event, None if shown is None else shown.link_at(key, at))
 
             node.on_drag("left")(dragged)
         return node
@@ -365,8 +487,9 @@ class SceneNodes:
             solid.corners,
             solid.triangles,
             color=tuple(round(255 * part) for part in solid.colour[:3]),
-            opacity=solid.colour[3],
+            opacity=None if solid.colour[3] == 1.0 else solid.colour[3],
             flat_shading=True,
+            side="double",  # files are not sure to have their triangles outwards
             cast_shadow=False,
             receive_shadow=False,
         )
@@ -383,6 +506,10 @@ class SceneNodes:
 HIDDEN = frozenset({"axes"})
 # So many closures are shown initially.
 _FEW = 4
+# Above, right, below and left of a plot: numbers at the ends of axes need it.
+_PADDING_PX = (12, 24, 0, 0)
+# Of axes, as a panel is narrow: height of labels; height of numbers of times, and width of values.
+_LABEL_PX, _NUMBERS_PX = 18, (28, 44)
 _STROKES = ("#7a4fd0", "#1a7f86", "#d9534f", "#2f6fd0", "#c79a2a", "#5a5a5a")
 
 
@@ -417,6 +544,7 @@ class Controls:
         self._first, self._given = first, tuple(given)
         self.hidden, self.said = HIDDEN, ""
         self._of_scene: list[Any] = []
+        self._one_period: Any = None
         self._closures: dict[str, Any] = {}
         self._hands: list[Any] = []
         # Boxes that show values of a state.
@@ -463,33 +591,44 @@ class Controls:
         points = [point.name for point in scene.operational_points]
         frames = [*points, *(link.name for link in scene.links if link.name not in points)]
         self._of_scene = []
-        for user, prefix in prefixes.items():
-            held = gui.add_dropdown(f"{prefix}point held", frames, initial_value=user)
-            self._when(held, partial(Hold, user))
-            self._of_scene.append(held)
-        if Open in self._backend.takes:
-            with self._begin_with:
-                self._of_scene += self._make_hands(prefixes.values())
+        if self._one_period is not None:
+            self._one_period.label = f"one period ({_digits(1e3 * scene.simulation.period)} ms)"
+        if Drag in self._backend.takes:
+            self._hint.content = hint_html(opened.users)
         self._closures = {}
-        if closures and SwitchClosure in self._backend.takes:
-            folder = gui.add_folder("closures", expand_by_default=len(closures) < _FEW)
-            self._of_scene.append(folder)
-            with folder:
-                for name in closures:
-                    box = gui.add_checkbox(name, initial_value=True)
-                    self._when(box, partial(SwitchClosure, name))
-                    self._closures[name] = box
-        gains = gui.add_folder("gains", expand_by_default=False)
+        with self._feel:
+            for user, prefix in prefixes.items():
+                held = gui.add_dropdown(f"{prefix}point held", frames, initial_value=user)
+                self._when(held, partial(Hold, user))
+                self._of_scene.append(held)
+            if closures and SwitchClosure in self._backend.takes:
+                folder = gui.add_folder("closed loops", expand_by_default=len(closures) < _FEW)
+                self._of_scene.append(folder)
+                with folder:
+                    for name in closures:
+                        box = gui.add_checkbox(name, initial_value=True)
+                        self._when(box, partial(SwitchClosure, name))
+                        self._closures[name] = box
+        if Open in self._backend.takes:
+            with self._next_start:
+                self._of_scene += self._make_hands(prefixes.values())
+        with self._tune:
+            gains = gui.add_folder("gains", expand_by_default=False)
         with gains:
             for user, prefix in prefixes.items():
                 for one in gain_sliders(scene.held_at(user)):
                     label = f"{prefix}{one.label}"
                     slider = gui.add_slider(label, 0.0, one.highest, one.step, one.value)
                     self._when(slider, partial(Tune, user, one.key))
-        plots = gui.add_folder("plots", expand_by_default=False)
+        with self._look:
+            plots = gui.add_folder("plots", expand_by_default=False)
         with plots:
             self._make_plots()
         self._of_scene += [gains, plots]
+
+    def explain(self, seen: Collection[str], cell: str, hues: Mapping[str, Colour]) -> None:
+        """Show the legend of a scene; see :func:`legend_html`."""
+        self._legend.content = legend_html(seen, cell, hues)
 
     def _when(self, handle: Any, command: Callable[[Any], Command | None]) -> None:
         """Send a command when a user changes a control; changes by the program send none."""
@@ -515,24 +654,44 @@ class Controls:
     def _make(self, scenes: Sequence[str], save: Callable[[Any], None]) -> None:
         gui, takes = self._gui, self._backend.takes
         gui.add_html(QUICK_TIMERS)
+        self._hint = gui.add_html("", order=-2.0)
         self._numbers = gui.add_html("")
-        if Open in takes:
-            self._make_scene_picker(scenes)
-        if Pause in takes:
-            paused = gui.add_checkbox("pause", initial_value=False)
-            self._shown.append((paused, lambda state: state.paused))
-            self._when(paused, Pause)
-            self._pressed(gui.add_button("one tick"), Step)
-            self._pressed(gui.add_button("reset"), Reset)
-        if DragStiffness in takes:
-            spring = gui.add_slider("stiffness of the mouse", SOFTEST, STIFFEST, 0.1, 1.0)
-            self._when(spring, DragStiffness)
-        if Open in takes:
-            self._begin_with = gui.add_folder("begin with", expand_by_default=False)
-            with self._begin_with:
-                self._delay = gui.add_slider("delay, ms", 0.0, LONGEST_DELAY_MS, 1.0, 0.0)
-                anew = gui.add_button("begin anew")
-                self._pressed(anew, lambda: self._opening(self._scene.value))
+        self._feel = gui.add_folder("feel")
+        self._look = gui.add_folder("look", expand_by_default=False)
+        self._tune = gui.add_folder("tune", expand_by_default=False)
+        with self._feel:
+            if Open in takes:
+                self._make_scene_picker(scenes)
+            if Pause in takes:
+                paused = gui.add_checkbox("pause", initial_value=False)
+                self._shown.append((paused, lambda state: state.paused))
+                self._when(paused, Pause)
+                self._one_period = gui.add_button("one period")
+                self._pressed(self._one_period, Step)
+                self._pressed(gui.add_button("reset"), Reset)
+        with self._look:
+            self._make_look(save)
+        with self._tune:
+            if DragStiffness in takes:
+                label = "stiffness of the mouse, times the default"
+                spring = gui.add_slider(label, SOFTEST, STIFFEST, 0.1, 1.0)
+                self._when(spring, DragStiffness)
+            if Open in takes:
+                self._next_start = gui.add_folder("at the next start", expand_by_default=False)
+                with self._next_start:
+                    label = "delay each way, ms"
+                    self._delay = gui.add_slider(label, 0.0, LONGEST_DELAY_MS, 1.0, 0.0)
+                    anew = gui.add_button("start with these")
+                    self._pressed(anew, lambda: self._opening(self._scene.value))
+            if Record in takes:
+                recording = gui.add_checkbox("record a bag (rosbag2)", initial_value=False)
+                self._shown.append((recording, lambda state: bool(state.recording)))
+                self._when(recording, self._recorded)
+
+    def _make_look(self, save: Callable[[Any], None]) -> None:
+        gui = self._gui
+        with gui.add_folder("legend and help"):
+            self._legend = gui.add_html("")
         with gui.add_folder("show", expand_by_default=False):
             boxes = {
                 name: gui.add_checkbox(name, initial_value=name not in HIDDEN) for name in LAYERS
@@ -544,12 +703,7 @@ class Controls:
 
         for box in boxes.values():
             box.on_update(layered)
-        with gui.add_folder("keep", expand_by_default=False):
-            if Record in takes:
-                recording = gui.add_checkbox("record a bag", initial_value=False)
-                self._shown.append((recording, lambda state: bool(state.recording)))
-                self._when(recording, self._recorded)
-            gui.add_button("save a picture").on_click(save)
+        gui.add_button("save a picture").on_click(save)
 
     def _make_scene_picker(self, scenes: Sequence[str]) -> None:
         names = list(dict.fromkeys((self._first, *scenes)))
@@ -559,21 +713,28 @@ class Controls:
 
     def _make_plots(self) -> None:
         self._plots = []
-        for title, names, columns in self._history.plots():
-            plot = self._gui.add_uplot(
-                columns(),
-                (
-                    viser.uplot.Series(label="s"),
-                    *(
-                        viser.uplot.Series(label=name, stroke=_STROKES[i % len(_STROKES)], width=2)
-                        for i, name in enumerate(names)
-                    ),
-                ),
-                title=title,
-                scales={"x": viser.uplot.Scale(time=False, auto=True)},
-                aspect=2.2,
+        for one in self._history.plots():
+            lines = (
+                viser.uplot.Series(label=name, stroke=_STROKES[i % len(_STROKES)], width=2)
+                for i, name in enumerate(one.names)
             )
-            self._plots.append((plot, columns))
+            least, most = ({"pad": 0.1, "soft": soft, "mode": 1} for soft in (0.0, one.top))
+            plot = self._gui.add_uplot(
+                one.columns(),
+                (viser.uplot.Series(label="time, s"), *lines),
+                title=one.title,
+                scales={
+                    "x": viser.uplot.Scale(time=False, auto=True),
+                    "y": viser.uplot.Scale(range={"min": least, "max": most}),
+                },
+                axes=tuple(
+                    viser.uplot.Axis(label=label, labelSize=_LABEL_PX, size=size, incrs=_STEPS)
+                    for label, size in zip(("time, s", one.unit), _NUMBERS_PX, strict=True)
+                ),
+                aspect=1.6,
+                padding=_PADDING_PX,
+            )
+            self._plots.append((plot, one.columns))
 
     def _make_hands(self, prefixes: Iterable[str]) -> list[Any]:
         """Make the choices of each device's hand for the next start."""

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from formats.imports import beside, mass_matrix, saved
+from hapticmech_ros.loading import load_scene
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.simulation import Simulator
 
@@ -101,3 +102,27 @@ def test_nobody_pushes_what_nobody_was_told_to_push(arm):
     scene = arm()
     assert scene.hand.kind == "constant_wrench"
     assert scene.hand.force == scene.hand.torque == (0.0, 0.0, 0.0)
+
+
+TWO_FINGERS = """<mujoco><worldbody><site name="tool_rack"/><body name="arm">
+  <joint name="j" axis="0 1 0"/><geom size="0.1"/><site name="{}" pos="0 0 0.2"/>
+  <body name="{}" pos="0 0 0.1"><joint name="k" axis="0 1 0"/><geom size="0.1"/>
+  <body name="finger" pos="0 0 0.1"><joint name="l" axis="0 1 0"/><geom size="0.1"/></body></body>
+  </body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("names", "link", "height"),
+    [
+        (("attachment_site", "wrist"), "arm", 0.2),
+        (("wheel", "Hand"), "Hand", 0.0),
+        (("hand", "tool0"), "tool0", 0.0),
+        # In a word, or fixed in the world, it is not meant.
+        (("stool", "handle"), "finger", 0.0),
+    ],
+)
+def test_what_a_person_would_hold_is_held(tmp_path, names, link, height):
+    (tmp_path / "one.xml").write_text(TWO_FINGERS.format(*names), encoding="utf-8")
+    (point,) = load_scene(tmp_path / "one.xml").operational_points
+    assert (point.name, point.link) == ("tip_point", link)
+    assert point.origin.xyz == pytest.approx((0.0, 0.0, height))

@@ -10,18 +10,21 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from hapticmech_ros.contact.mesh_corners import MOST_TRIANGLES
 from hapticmech_ros.live.commands import Open
 from hapticmech_ros.live.live_picture import (
     LAYERS,
     VISUALS,
     LivePicture,
     first_view,
+    ground_below,
     visual_bodies,
 )
 from hapticmech_ros.live.live_session import LiveSession
 from hapticmech_ros.live.page_controls import History, numbers_html
 from hapticmech_ros.live.settings import HANDS, changes_of, gain_sliders
 from hapticmech_ros.loading import load_scene, shipped_scenes
+from hapticmech_ros.view import palette
 from oracles.touching import FLOOR, body, pair, scene, shape
 
 
@@ -95,6 +98,20 @@ def test_the_first_view_sees_everything(name):
         assert -to @ near / np.linalg.norm(to) > np.cos(half)
 
 
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_the_ground_is_below_everything_and_goes_through_below_the_origin(name):
+    session, picture = begun(name)
+    shapes = picture.draw(session.state()).shapes
+    ground = ground_below(shapes, picture.planar)
+    places = [one.points if len(one.points) else one.pose.translation[None] for one in shapes]
+    assert ground.centre[2] <= min(0.0, np.vstack(places)[:, 2].min())
+    assert (ground.centre[2] < 0.0) or not picture.planar
+    lines = ground.centre[:2] / ground.cell
+    assert lines == pytest.approx(np.round(lines), abs=1e-9)
+    aside = np.abs(np.vstack(places)[:, :2] - ground.centre[:2]).max()
+    assert aside < 0.5 * ground.side
+
+
 def test_forces_that_are_there_already_do_not_change_the_first_view():
     session, picture = begun("five_bar")
     shapes = picture.draw(session.state()).shapes
@@ -146,18 +163,18 @@ def test_history_keeps_ten_seconds_and_begins_anew_with_time():
     session, picture = begun("five_bar")
     history = History()
     history.begin(picture.users, 3)
-    columns = {title: of for title, _, of in history.plots()}
-    assert [len(column) for column in columns["joint constraints"]()] == [1, 1]
+    columns = {one.title: one.columns for one in history.plots()}
+    assert [len(column) for column in columns["joint constraints felt"]()] == [1, 1]
     state = session.state()
     for time in np.arange(0.0, 20.0, 0.02):
         history.add(replace(state, time=float(time)))
-    times, *s = columns["s"]()
+    times, *s = columns["response"]()
     assert len(s) == 3
     assert s[0][-1] == state.users[0].observation[0]
     assert times[-1] - times[0] == pytest.approx(10.0, abs=0.6)
     assert np.diff(times).min() >= 0.05
     history.add(replace(state, time=3.0))
-    assert columns["joint constraints"]()[0].tolist() == [3.0]
+    assert columns["joint constraints felt"]()[0].tolist() == [3.0]
 
 
 @pytest.mark.parametrize("name", shipped_scenes())
@@ -256,12 +273,13 @@ def test_visuals_of_a_urdf_are_where_pinocchio_has_them_and_stand_for_rods(arm):
 SDF = """<sdf version="1.9"><model name="m"><link name="a"><pose>0 0 1 0 0 0</pose>
   <inertial><mass>1</mass></inertial>
   <visual name="v"><pose>0.1 0.2 0.3 0 0 0.5</pose>
-    <geometry><box><size>0.1 0.2 0.3</size></box></geometry></visual></link>
+    <geometry><box><size>0.1 0.2 0.3</size></box></geometry>
+    <material><diffuse>0 0.5 1 1</diffuse></material></visual></link>
   <joint name="j" type="revolute"><parent>world</parent><child>a</child>
     <axis><xyz>0 0 1</xyz></axis></joint></model></sdf>"""
 MJCF = """<mujoco><compiler angle="radian"/><worldbody><body name="a" pos="0 0 1">
   <joint name="j" axis="0 0 1"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
-  <geom type="box" size="0.05 0.1 0.15" pos="0.1 0.2 0.3" euler="0 0 0.5"
+  <geom type="box" size="0.05 0.1 0.15" pos="0.1 0.2 0.3" euler="0 0 0.5" rgba="0 0.5 1 1"
     contype="0" conaffinity="0"/></body></worldbody></mujoco>"""
 
 
@@ -274,3 +292,56 @@ def test_visuals_of_sdf_and_mjcf_are_read(tmp_path, suffix, text):
     assert one.link == "a"
     assert one.place.isApprox(expected, 1e-12)
     assert np.ptp(one.corners, axis=0) == pytest.approx((0.1, 0.2, 0.3))
+    assert one.colour == pytest.approx((0.0, 0.5, 1.0, 1.0))
+
+
+COLOURS = """<mujoco><asset><material name="red" rgba="1 0 0 1" texture="gone"/></asset>
+  <default><default class="r"><geom material="red"/></default></default><worldbody>
+  <geom name="floor" type="box" size="1 1 0.1" pos="0 0 -1"/>
+  <body name="a" pos="0 0 1"><joint name="j" axis="0 1 0"/>
+  <geom class="r" size="0.1" mass="1"/><geom size="0.2" rgba="0 1 0 0.5"/>
+  <geom size="0.3" group="3"/><geom size="0.4" rgba="0 0 1 0"/>
+  <geom name="foot" size="0.5" pos="0 0 -0.5"/></body></worldbody></mujoco>"""
+
+
+def test_geoms_are_drawn_as_by_mujocos_viewer_and_those_that_touch_once(tmp_path):
+    """All of these collide; not drawn are group 3, and what is invisible."""
+    (tmp_path / "one.xml").write_text(COLOURS, encoding="utf-8")
+    red, green, grey = (1, 0, 0, 1), (0, 1, 0, 0.5), palette.LINK
+    drawn = visual_bodies(str(tmp_path / "one.xml"))
+    found = [(one.link, np.ptp(one.corners[:, 0]), one.colour) for one in drawn]
+    expected = [("world", 2.0, grey), ("a", 0.2, red), ("a", 0.4, green), ("a", 1.0, grey)]
+    assert [(link, pytest.approx(size), colour) for link, size, colour in expected] == found
+    beside = tmp_path / "one.yaml"
+    beside.write_text(
+        "format: hapticmech-scene/1\nmodel: one.xml\n"
+        "contacts: [{name: c, a: floor, b: foot, stiffness: 1000.0}]\n",
+        encoding="utf-8",
+    )
+    assert [np.ptp(one.corners[:, 0]) for one in visual_bodies(str(beside))] == [
+        pytest.approx(0.2),
+        pytest.approx(0.4),
+    ]
+
+
+ONE_MESH = """<robot name="r"><material name="blue"><color rgba="0 0 1 1"/></material>
+  <link name="a"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0"
+  iyz="0"/></inertial><visual><geometry><mesh filename="a.obj"/></geometry>
+  <material name="blue"/></visual></link><joint name="j" type="continuous"><parent link="world"/>
+  <child link="a"/></joint></robot>"""
+
+
+@pytest.mark.parametrize(("times", "drawn"), [(1, 2), (MOST_TRIANGLES, 4)])
+def test_meshes_are_drawn_as_they_are_in_their_colour_and_large_ones_as_hulls(
+    tmp_path, times, drawn
+):
+    """Two triangles with an edge in common: of their hull there are four."""
+    rows = [*(f"v {x} {y} {z}" for x, y, z in CORNERS.tolist()), *["f 1 2 3"] * times, "f 1 2 4"]
+    (tmp_path / "a.obj").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    (tmp_path / "a.urdf").write_text(ONE_MESH, encoding="utf-8")
+    (mesh,) = visual_bodies(str(tmp_path / "a.urdf"))
+    assert len(mesh.triangles) == drawn
+    assert mesh.colour == (0.0, 0.0, 1.0, 1.0)
+    assert np.array(sorted(mesh.corners.tolist())) == pytest.approx(
+        np.array(sorted(CORNERS.tolist()))
+    )

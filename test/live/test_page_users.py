@@ -86,6 +86,7 @@ def test_each_user_has_controls_of_its_own(browsers, served):
     tab = browsers[0].page()
     tab.open(served.address)
     wait_until(lambda: tab.text("live-count-right"), "the numbers")
+    tab.click_text("p, span, div", "tune")
     tab.click_text("p, span, div", "gains")
     tab.nudge("right constraint stiffness, N/m")
     found = wait_until(lambda: tab.text("live-changed"), "a changed gain")

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -157,20 +158,21 @@ def test_numbers_and_histories_are_each_users(live):
     text = numbers_html(state, picture.draw(state), "two", picture.hues, {LEFT: 3}, "")
     for user in state.users:
         assert f'<b id="live-count-{user.point}">{user.count}</b>' in text
+        (shown,) = re.findall(f'<b id="live-force-{user.point}">(.*?)</b>', text)
         force = np.linalg.norm(user.hand_wrench[:3])
-        assert f'<b id="live-force-{user.point}">{force:.2f}</b>' in text
+        assert float(shown) == pytest.approx(force, rel=5e-3, abs=5e-4)
     assert '<b id="live-dragged">hand left</b>' in text
     assert '<b id="live-holders">browser 4</b>' in text
     assert text.count("<span") == 2
     history = History()
     history.begin(picture.users, picture.directions)
     history.add(state)
-    plots = {title: columns() for title, _, columns in history.plots()}
+    plots = {one.title: one.columns() for one in history.plots()}
     for user in state.users:
-        assert plots[f"joint constraints ({user.point})"][1] == [user.count]
+        assert plots[f"joint constraints felt ({user.point})"][1] == [user.count]
         forces = [np.linalg.norm(one[:3]) for one in (user.hand_wrench, user.on_hand)]
-        assert [f[0] for f in plots[f"forces, N ({user.point})"][1:]] == pytest.approx(forces)
-        s = [column[0] for column in plots[f"s ({user.point})"][1:]]
+        assert [f[0] for f in plots[f"force ({user.point})"][1:]] == pytest.approx(forces)
+        s = [column[0] for column in plots[f"response ({user.point})"][1:]]
         assert s == user.observation[: picture.directions].tolist()
     assert len(plots) == 7
 

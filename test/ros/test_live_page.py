@@ -124,6 +124,7 @@ def test_a_running_graph_is_dragged_tuned_and_let_go(
     peer.until(lambda: list(closures[-1].data) == [1], "the closed loop", WAIT_S)
 
     # Last, as an arrow key turns the view as well.
+    tab.click_text("p, span, div", "tune")
     tab.click_text("p, span, div", "gains")
     tab.nudge("constraint stiffness, N/m")
     wait_until(lambda: tab.text("live-changed"), "a changed gain on the page")
