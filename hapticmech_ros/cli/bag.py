@@ -15,7 +15,7 @@ import typer
 
 from hapticmech_ros.cli.console import TransportOption, console
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.system.installation import refuse_middleware
+from hapticmech_ros.system.installation import refuse_without_ros
 
 app = typer.Typer(
     help="Record, play, check, compare and repair rosbag2 bags.",
@@ -75,7 +75,7 @@ def record(
     transport: TransportOption = "auto",
 ) -> None:
     """Record topics of the running graph, also those that appear later, until Ctrl-C."""
-    refuse_middleware(os.environ)
+    refuse_without_ros(os.environ)
     from hapticmech_ros.nodes.bags.bag_recorder import RecordOptions
     from hapticmech_ros.nodes.bags.bag_recorder import record as record_bag
 
@@ -122,7 +122,7 @@ def play(
     ] = 0.0,
 ) -> None:
     """Publish a bag's messages as they were recorded; the space key pauses."""
-    refuse_middleware(os.environ)
+    refuse_without_ros(os.environ)
     from hapticmech_ros.nodes.bags.bag_player import PlayOptions
     from hapticmech_ros.nodes.bags.bag_player import play as play_bag
 

@@ -14,7 +14,7 @@ import typer
 
 from hapticmech_ros.cli.console import seconds_of, vector_of
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.system.installation import refuse_middleware
+from hapticmech_ros.system.installation import refuse_without_ros
 
 if TYPE_CHECKING:
     from hapticmech_ros.haply.emulator import Press
@@ -180,7 +180,7 @@ def check_driver(
 
     from hapticmech_ros.cli.console import console
 
-    refuse_middleware(os.environ)
+    refuse_without_ros(os.environ)
     from hapticmech_ros.nodes.conformance import DriverTest
 
     table = Table(box=SIMPLE_HEAD)

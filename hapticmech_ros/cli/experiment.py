@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
@@ -23,6 +24,7 @@ from hapticmech_ros.cli.console import (
     words,
 )
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.system.installation import refuse_without_ros
 
 if TYPE_CHECKING:
     from hapticmech_ros.experiment import ExperimentRecord, SharedRecord
@@ -61,6 +63,7 @@ def demo(
     from hapticmech_ros.graph.demo import run_demo
     from hapticmech_ros.loading import load_scene
 
+    refuse_without_ros(os.environ)
     (scene,) = with_changes([scene], changes, out)
     with progress() as bar:
         task = bar.add_task("starting the graph", total=None)

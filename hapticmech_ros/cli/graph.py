@@ -214,9 +214,10 @@ def run(
     from hapticmech_ros.live.settings import VISER
     from hapticmech_ros.loading import load_scene
     from hapticmech_ros.system.cpu_list import available_cores
-    from hapticmech_ros.system.installation import refuse_unmet
+    from hapticmech_ros.system.installation import refuse_unmet, refuse_without_ros
     from hapticmech_ros.wire.topics import PAGE, VIEWER
 
+    refuse_without_ros(os.environ)
     if live and not lockstep:
         refuse_unmet([VISER])
     choose_discovery(os.environ, discovery)

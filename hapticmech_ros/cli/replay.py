@@ -19,6 +19,7 @@ from hapticmech_ros.cli.graph import (
     settings_of,
     stop_by_signals,
 )
+from hapticmech_ros.system.installation import refuse_without_ros
 
 
 def replay(
@@ -55,6 +56,7 @@ def replay(
     from hapticmech_ros.graph.lockstep import replay as run_replay
     from hapticmech_ros.wire.topics import topic_of
 
+    refuse_without_ros(os.environ)
     stop = stop_by_signals()
     run = LockstepRun(
         scene,
