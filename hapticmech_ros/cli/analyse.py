@@ -9,7 +9,6 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 from hapticmech_ros.cli.console import (
@@ -41,6 +40,8 @@ def analyse(
     out: OutOption = Path("analysis"),
 ) -> None:
     """Compute Λ_h⁻¹, spectrum and count at every state of a recording: a table and a plot."""
+    import numpy as np
+
     from hapticmech_ros.experiment.figure_style import save
     from hapticmech_ros.loading import load_scene
     from hapticmech_ros.mechanism import Mechanism
@@ -117,6 +118,8 @@ def _prescribed(text: str) -> PrescribedJoint:
     Raises:
         InvalidInputError: it does not.
     """
+    import numpy as np
+
     from hapticmech_ros.offline import PrescribedJoint
 
     name, _, way = text.partition("=")

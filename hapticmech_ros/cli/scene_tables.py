@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from rich.box import SIMPLE_HEAD
 from rich.console import JustifyMethod
@@ -12,12 +13,13 @@ from rich.markup import escape
 from rich.table import Table
 
 from hapticmech_ros.cli.console import console
-from hapticmech_ros.formats import LeftOut
-from hapticmech_ros.mechanism.tolerances import NEAR_SINGULAR
-from hapticmech_ros.offline.assembly_search import AssemblySearch, LoopResidual, initial_state
-from hapticmech_ros.plan.scene_plan import ClosurePlan, SceneCheck, ScenePlan
-from hapticmech_ros.plan.step_accuracy import StepAccuracy, StepChoices
-from hapticmech_ros.scene import Scene
+
+if TYPE_CHECKING:
+    from hapticmech_ros.formats import LeftOut
+    from hapticmech_ros.offline.assembly_search import AssemblySearch, LoopResidual
+    from hapticmech_ros.plan.scene_plan import ClosurePlan, SceneCheck, ScenePlan
+    from hapticmech_ros.plan.step_accuracy import StepAccuracy, StepChoices
+    from hapticmech_ros.scene import Scene
 
 SHAPES_SHOWN = 60
 ASSEMBLIES_SHOWN = 5
@@ -102,6 +104,9 @@ def show_check(check: SceneCheck, left: LeftOut) -> None:
 
 def show_assemblies(scene: Scene, found: AssemblySearch) -> None:
     """Print how far loops are open as written, and the configurations that close them."""
+    from hapticmech_ros.mechanism.tolerances import NEAR_SINGULAR
+    from hapticmech_ros.offline.assembly_search import initial_state
+
     loops = [
         (written.name, written.kind, _open_by(written), _open_by(best))
         for written, best in zip(found.written, found.residuals, strict=True)
