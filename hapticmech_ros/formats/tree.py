@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.polynomial import Polynomial
 
-from hapticmech_ros.errors import nearest, scene_error
+from hapticmech_ros.errors import listed, nearest, scene_error
 from hapticmech_ros.formats.cuts import (
     CARRIED,
     LOOP_JOINTS,
@@ -73,8 +73,8 @@ RATE_LIMIT = 200
 # rad or m; a stop beyond this is none, as SDFormat has it.
 NO_LIMIT = 1e15
 NO_CUT = (
-    f"closes a loop, which only these can: {sorted(LOOP_JOINTS)}; nor is any other joint of its "
-    "loop one: make a link of it of two parts, and join these by a fixed joint"
+    f"closes a loop, which only these can: {listed(sorted(LOOP_JOINTS))}; nor is any other joint "
+    "of its loop one: make a link of it of two parts, and join these by a fixed joint"
 )
 NO_SENSE = "a loop-closing joint is a hinge only: write springs and dampers in a scene file"
 NO_POSITION = "it has no position of its own to be coupled or started at"
