@@ -23,7 +23,7 @@ from hapticmech_ros.cli import (
     scene,
     study,
 )
-from hapticmech_ros.cli.console import console, errors
+from hapticmech_ros.cli.console import errors, say
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.system.discovery import choose_discovery
 
@@ -38,7 +38,7 @@ app = typer.Typer(
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        console.print(version("hapticmech_ros"))
+        say(version("hapticmech_ros"))
         raise typer.Exit
 
 
@@ -93,5 +93,5 @@ def run_app(commands: typer.Typer) -> None:
 
 
 def _end(reason: str) -> None:
-    errors.print(f"error: {reason}", style="red", highlight=False, markup=False, soft_wrap=True)
+    say(f"error: {reason}", "red", errors, hang=4)
     sys.exit(1)

@@ -16,8 +16,8 @@ from hapticmech_ros.cli.console import (
     OutOption,
     PointOption,
     SceneArgument,
-    console,
     progress,
+    say,
 )
 from hapticmech_ros.cli.study import ClusterOption, ProcessesOption, workers_of
 from hapticmech_ros.errors import InvalidInputError
@@ -61,14 +61,13 @@ def analyse(
     table = found.save(out / "analysis.npz")
     picture = save(analysis_figure(found, mechanism.scene), out / "analysis.png")
     counts = ", ".join(str(count) for count in np.unique(found.count).tolist())
-    console.print(
+    say(
         f"{found.times.size} states of {states.topic}, {found.times[-1]:.3f} s:"
-        f" analysed in {taken:.2f} s; joint constraints felt: {counts}",
-        highlight=False,
+        f" analysed in {taken:.2f} s; joint constraints felt: {counts}"
     )
     for note in states.notes:
-        console.print(note, style="yellow", highlight=False, markup=False, soft_wrap=True)
-    console.print(f"{table}\n{picture}", highlight=False)
+        say(note, "yellow")
+    say(f"{table}\n{picture}")
 
 
 def sweep(
@@ -105,11 +104,8 @@ def sweep(
     out.mkdir(parents=True, exist_ok=True)
     table = found.save(out / "sweep.npz")
     picture = save(sweep_figure(found, prescribed, loaded), out / "sweep.png")
-    console.print(
-        f"{found.count.size} of {places} places reached and analysed in {taken:.2f} s",
-        highlight=False,
-    )
-    console.print(f"{table}\n{picture}", highlight=False)
+    say(f"{found.count.size} of {places} places reached and analysed in {taken:.2f} s")
+    say(f"{table}\n{picture}")
 
 
 def _prescribed(text: str) -> PrescribedJoint:

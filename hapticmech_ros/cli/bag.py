@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 import typer
 
-from hapticmech_ros.cli.console import TransportOption, console
+from hapticmech_ros.cli.console import TransportOption, say
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.system.installation import refuse_without_ros
 
@@ -203,7 +203,7 @@ def check(
     if exact and not compared.is_exact:
         failures.append("messages are missing or differ")
     for failure in failures:
-        console.print(failure, style="red")
+        say(failure, "red")
     raise typer.Exit(1 if failures else 0)
 
 

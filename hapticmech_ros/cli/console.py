@@ -8,9 +8,11 @@ Durations as people write them.
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import fill
 from typing import Annotated
 
 import typer
@@ -60,8 +62,36 @@ def vector_of(option: str, text: str, parts: Sequence[str], rule: str) -> tuple[
     return found
 
 
+# Names in tables are not folded up to this width, characters.
+WIDEST_NAME = 60
+
 console = Console()
 errors = Console(stderr=True)
+
+
+def say(text: object, style: str | None = None, where: Console = console, hang: int = 0) -> None:
+    """Print text as it is; between words new lines begin if a person reads it, or COLUMNS is set.
+
+    Args:
+        text: of lines, none of which a program that reads them finds broken.
+        style: of rich.
+        where: standard output or error.
+        hang: indentation of new lines, characters.
+    """
+    lines = str(text).splitlines()
+    if where.is_terminal or "COLUMNS" in os.environ:
+        lines = [
+            fill(
+                line,
+                where.width,
+                subsequent_indent=" " * hang,
+                break_long_words=False,
+                break_on_hyphens=False,
+            )
+            for line in lines
+        ]
+    where.print("\n".join(lines), style=style, highlight=False, markup=False, soft_wrap=True)
+
 
 SceneArgument = Annotated[
     str, typer.Argument(help="shipped scene, or path of a YAML, URDF, MJCF or SDF file")

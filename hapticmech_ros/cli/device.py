@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from hapticmech_ros.cli.console import seconds_of, vector_of
+from hapticmech_ros.cli.console import console, say, seconds_of, vector_of
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.system.installation import refuse_without_ros
 
@@ -28,7 +28,6 @@ def list_devices() -> None:
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
-    from hapticmech_ros.cli.console import console
     from hapticmech_ros.scene.device import Device, device_presets
 
     table = Table(box=SIMPLE_HEAD)
@@ -93,7 +92,6 @@ def emulate(
     import numpy as np
     import pinocchio as pin
 
-    from hapticmech_ros.cli.console import console
     from hapticmech_ros.haply.emulator import EmulatedInverse3, Faults, Service
     from hapticmech_ros.loading import load_scene
 
@@ -113,7 +111,7 @@ def emulate(
         service = Service(device, faults)
 
         def ready(found: int) -> None:
-            console.print(f"ws://{host}:{found}; Ctrl-C ends it", highlight=False, soft_wrap=True)
+            say(f"ws://{host}:{found}; Ctrl-C ends it")
 
         with suppress(KeyboardInterrupt):
             asyncio.run(service.serve(host, port, ready))
@@ -128,7 +126,6 @@ def calibrate(
     seconds: Annotated[float, typer.Option(min=1.0, help="for moving it about")] = 15.0,
 ) -> None:
     """Find how a device's base stands in the world, and how far it reaches; writes parameters."""
-    from hapticmech_ros.cli.console import console
     from hapticmech_ros.haply.reader import CursorReader, mounting_of, reach_of
 
     del model
@@ -136,7 +133,7 @@ def calibrate(
         raise InvalidInputError("parameter file", str(out), "must not be there yet")
     with closing(CursorReader(uri, device_id)) as reader:
         for name, value in reader.known.items():
-            console.print(f"{name}: {value}", highlight=False, markup=False)
+            say(f"{name}: {value}")
         places = []
         for what in (
             "Hold the handle still in the middle of its reach",
@@ -159,8 +156,8 @@ def calibrate(
         encoding="utf-8",
     )
     skew = math.degrees(abs(mounting.skew))
-    console.print(f"the movements were {skew:.1f}° off a right angle")
-    console.print(f"{out}: workspace_radius is 0.9 of the reach, {radius:.3f} m")
+    say(f"the movements were {skew:.1f}° off a right angle")
+    say(f"{out}: workspace_radius is 0.9 of the reach, {radius:.3f} m")
 
 
 @app.command("test")
@@ -177,8 +174,6 @@ def check_driver(
     """
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
-
-    from hapticmech_ros.cli.console import console
 
     refuse_without_ros(os.environ)
     from hapticmech_ros.nodes.conformance import DriverTest

@@ -26,6 +26,8 @@ from hapticmech_ros.cli.console import (
     SceneArgument,
     TransportOption,
     console,
+    errors,
+    say,
     seconds_of,
 )
 from hapticmech_ros.errors import BagError, InvalidInputError
@@ -85,7 +87,7 @@ def show_ends(reports: Reports, endings: Reports) -> None:
     console.print(Sheet("", headings, tuple(rows), ("at the end",)))
     for name, ending in sorted(endings.items()):
         for note in _notes(ending):
-            console.print(f"{name}: {note}", highlight=False, markup=False, soft_wrap=True)
+            say(f"{name}: {note}")
 
 
 def nothing_rendered(reports: Reports, endings: Reports) -> str:
@@ -259,9 +261,9 @@ def run(
             parameters=parameters,
             arguments=arguments,
         )
-        console.print(f"running {scene} in lockstep; Ctrl-C ends it")
+        say(f"running {scene} in lockstep; Ctrl-C ends it")
         ticks = run_lockstep(plan, os.environ, stop.is_set)
-        console.print(f"{ticks} ticks, {ticks * loaded.simulation.period:g} s")
+        say(f"{ticks} ticks, {ticks * loaded.simulation.period:g} s")
         return
     given = {"control_rate": control_rate, "use_sim_time": use_sim_time}
     parameters |= {name: value for name, value in given.items() if value}
@@ -277,11 +279,11 @@ def run(
                     scene, composed, namespace, parameters, None, nodes, held, arguments, shown=True
                 )
             )
-            console.print(f"running {scene}; Ctrl-C ends it")
+            say(f"running {scene}; Ctrl-C ends it")
             if record is not None:
                 recorder = _recorder(record, storage, transport, graph)
             pages = [
-                AuxiliaryProcess(name, page, "without a page", partial(typer.echo, err=True))
+                AuxiliaryProcess(name, page, "without a page", partial(say, where=errors))
                 for name, page in graph.pages.items()
             ]
             # A line at the end of the terminal, for a person.
@@ -292,7 +294,7 @@ def run(
             while left > 0.0 and not stop.wait(min(CHECK_PERIOD_S, left)):
                 if respawn:
                     for sentence in graph.respawn():
-                        typer.echo(sentence, err=True)
+                        say(sentence, where=errors)
                 else:
                     graph.check()
                     for page in pages:
@@ -305,9 +307,9 @@ def run(
                 if up is not None and load is None and not use_sim_time:
                     load = watch.look(reports)
                     for sentence in () if load is None else load.sentences():
-                        console.print(sentence, highlight=False, markup=False, soft_wrap=True)
+                        say(sentence)
                     if load is not None and load.saturates and graph.leave_share():
-                        console.print(f"nodes run at nice {SHARING_NICE} now: others need a share")
+                        say(f"nodes run at nice {SHARING_NICE} now: others need a share")
                 if up is None and graph.is_ready():
                     up = time.monotonic()
                 if ends is None and up is not None and _receives(recorder, graph, up):
@@ -321,7 +323,7 @@ def run(
     show_ends(graph.reports(), graph.endings())
     unrendered = "" if use_sim_time else nothing_rendered(graph.reports(), graph.endings())
     if unrendered:
-        typer.echo(unrendered, err=True)
+        say(unrendered, where=errors)
     if unrendered or not whole:
         raise typer.Exit(1)
 
@@ -507,7 +509,7 @@ def _recorder(record: Path, storage: str, transport: str, graph: Graph) -> Auxil
     command += ["--out", str(record), "--storage", storage, "--transport", transport]
     loss = f"the bag {record} is incomplete (hapticmech bag repair {record} may help)"
     process = start_process(command, os.environ | graph.notified)
-    return AuxiliaryProcess("the recorder", process, loss, partial(typer.echo, err=True))
+    return AuxiliaryProcess("the recorder", process, loss, partial(say, where=errors))
 
 
 def _receives(recorder: AuxiliaryProcess | None, graph: Graph, up: float) -> bool:
@@ -516,5 +518,5 @@ def _receives(recorder: AuxiliaryProcess | None, graph: Graph, up: float) -> boo
         return True
     if time.monotonic() - up < HEARS_WITHIN_S:
         return False
-    typer.echo(f"after {HEARS_WITHIN_S:g} s the recorder does not receive every topic", err=True)
+    say(f"after {HEARS_WITHIN_S:g} s the recorder does not receive every topic", where=errors)
     return True

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from hapticmech_ros.cli.bag import Align, BagArgument, Storage
-from hapticmech_ros.cli.console import ComposedOption, console
+from hapticmech_ros.cli.console import ComposedOption, say
 from hapticmech_ros.cli.graph import (
     ParametersOption,
     SettingOption,
@@ -72,7 +72,7 @@ def replay(
         arguments=arguments_of(params_file),
     )
     ticks = run_replay(run, os.environ, stop.is_set)
-    console.print(f"replayed {ticks} ticks into {out}", highlight=False)
+    say(f"replayed {ticks} ticks into {out}")
     with BagReader(out) as recorded:
         found = {name: topic_of(name) for name in recorded.topics}
     control = [name for name, topic in found.items() if topic and topic.rate == "control"]

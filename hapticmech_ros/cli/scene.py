@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from hapticmech_ros.cli.console import ChangesOption, SceneArgument, console, errors
+from hapticmech_ros.cli.console import ChangesOption, SceneArgument, errors, say
 
 app = typer.Typer(
     help="Scenes: check, list, show, assemble, plan, steps, copy, schema.", no_args_is_help=True
@@ -124,7 +124,7 @@ def steps(
         chosen = [f"simulation.{key}={value}" for key, value in keys.items()]
         copy_scene(scene, out, [*(changes or ()), *chosen])
         if not json_only:
-            console.print(f"{out}", highlight=False, markup=False, soft_wrap=True)
+            say(out)
 
 
 @app.command()
@@ -153,13 +153,13 @@ def show(
     path = Path(f"{loaded.name}.png") if out is None else out
     besides, unreadable = readable(drawn_shapes(find_scene(scene)))
     for error in unreadable:
-        console.print(f"not drawn: {error}", highlight=False, markup=False, soft_wrap=True)
+        say(f"not drawn: {error}")
     try:
         draw_scene(loaded, path, point, pixels, besides)
     except ClosureError:
-        console.print(f"as written: {path}", highlight=False, markup=False, soft_wrap=True)
+        say(f"as written: {path}")
         raise
-    console.print(f"{path}", highlight=False, markup=False, soft_wrap=True)
+    say(path)
 
 
 @app.command()
@@ -200,13 +200,13 @@ def assemble(
         from hapticmech_ros.view.still import draw_configuration
 
         draw_configuration(loaded, found.open_q, picture)
-        console.print(f"{picture}", highlight=False, markup=False, soft_wrap=True)
+        say(picture)
     if not found.found:
         raise typer.Exit(1)
     if out is not None:
         start = initial_state(loaded, found.found[0].q)
         copy_scene(scene, out, [*(changes or ()), f"initial_state={start}"])
-        console.print(f"{out}", highlight=False, markup=False, soft_wrap=True)
+        say(out)
 
 
 @app.command()
@@ -222,7 +222,7 @@ def copy(
     from hapticmech_ros.loading.loader import copy_scene
 
     copy_scene(scene, out, changes or (), expanded)
-    console.print(f"{out}", highlight=False, markup=False, soft_wrap=True)
+    say(out)
 
 
 @app.command()

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
@@ -26,6 +27,7 @@ from hapticmech_ros.cli.console import (
     PointOption,
     SceneArgument,
     progress,
+    say,
 )
 
 
@@ -112,8 +114,7 @@ def carry_out(
         typer.Exit: with 1, where the results are not sound.
     """
     # Lines, not a bar: nothing of this process shall run while something is measured.
-    output = errors if json_only else console
-    results = run(lambda line: output.print(line, highlight=False, markup=False, soft_wrap=True))
+    results = run(partial(say, where=errors if json_only else console))
     results.write(out, figure)
     report(results, out, json_only)
 
@@ -137,9 +138,9 @@ def report(results: Results, out: Path, json_only: bool) -> None:
         for sheet in results.sheets():
             console.print(sheet)
         for line in (*results.notes(), f"results: {out.resolve()}"):
-            console.print(line, highlight=False, markup=False, soft_wrap=True)
+            say(line)
     if not results.sound:
-        errors.print(results.FAULT, style="red")
+        say(results.FAULT, "red", errors)
         raise typer.Exit(1)
 
 
