@@ -106,7 +106,8 @@ PointOption = Annotated[
 OutOption = Annotated[Path, typer.Option("--out", "-o", help="folder for the results")]
 ComposedOption = Annotated[bool, typer.Option(help="all four nodes in one process")]
 TransportOption = Annotated[
-    Transport, typer.Option(help="auto: between processes of this host directly")
+    Transport,
+    typer.Option(metavar="auto|middleware", help="auto: between processes of this host directly"),
 ]
 
 

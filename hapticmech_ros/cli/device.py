@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from hapticmech_ros.cli.commands import Commands
 from hapticmech_ros.cli.console import console, say, seconds_of, vector_of
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.system.installation import refuse_without_ros
@@ -19,10 +20,10 @@ from hapticmech_ros.system.installation import refuse_without_ros
 if TYPE_CHECKING:
     from hapticmech_ros.haply.emulator import Press
 
-app = typer.Typer(help="Real devices that a scene can name.", no_args_is_help=True)
+app = Commands("List, emulate, calibrate and test real devices.", "device list", "device test")
 
 
-@app.command("list")
+@app.command("list", "device list")
 def list_devices() -> None:
     """List the device presets of the package and their main values."""
     from rich.box import SIMPLE_HEAD
@@ -44,14 +45,16 @@ def list_devices() -> None:
     console.print(table)
 
 
-Model = Annotated[Literal["inverse3"], typer.Argument(help="device")]
+Model = Annotated[Literal["inverse3"], typer.Argument(help="inverse3")]
 MountingOption = Annotated[
     str, typer.Option(help="roll, pitch, yaw of the device's base in the world, rad")
 ]
 UriOption = Annotated[str, typer.Option(help="address of Haply's Inverse service")]
 
 
-@app.command()
+@app.command(
+    "emulate", "device emulate inverse3", "device emulate inverse3 --scene door --delay 2ms"
+)
 def emulate(
     model: Model,
     scene: Annotated[
@@ -117,7 +120,7 @@ def emulate(
             asyncio.run(service.serve(host, port, ready))
 
 
-@app.command()
+@app.command("calibrate", "device calibrate inverse3 haply.yaml")
 def calibrate(
     model: Model,
     out: Annotated[Path, typer.Argument(help="parameter file of haply_device to make")],
@@ -160,7 +163,7 @@ def calibrate(
     say(f"{out}: workspace_radius is 0.9 of the reach, {radius:.3f} m")
 
 
-@app.command("test")
+@app.command("test", "device test", "device test --force 0.3 --rate 500")
 def check_driver(
     namespace: Annotated[str, typer.Option(help="of the driver's topics device/...")] = "",
     force: Annotated[float, typer.Option(min=0.05, max=5.0, help="to command, N")] = 0.5,

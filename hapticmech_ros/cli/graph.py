@@ -207,7 +207,11 @@ def run(
     ] = 0.0,
     transport: TransportOption = "auto",
     discovery: Annotated[
-        Discovery | None, typer.Option(help="discovery range; default: as the environment sets it")
+        Discovery | None,
+        typer.Option(
+            metavar="localhost|subnet",
+            help="range of discovery; default: as the environment sets it",
+        ),
     ] = None,
 ) -> None:
     """Start the nodes on SCENE and keep them running until Ctrl-C."""

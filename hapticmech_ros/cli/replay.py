@@ -40,9 +40,11 @@ def replay(
     composed: ComposedOption = False,
     params_file: ParametersOption = None,
     settings: SettingOption = None,
-    storage: Annotated[Storage, typer.Option("--storage", "-s", help="format")] = Storage.mcap,
+    storage: Annotated[
+        Storage, typer.Option("--storage", "-s", metavar="mcap|sqlite3")
+    ] = Storage.mcap,
     align: Annotated[
-        Align, typer.Option(help="nearest, for a session that was recorded live")
+        Align, typer.Option(help="stamp, start, or nearest, for a session that was recorded live")
     ] = Align.stamp,
     exact: Annotated[
         bool, typer.Option("--exact", help="exit code 1 if any control topic differs in a bit")

@@ -9,14 +9,15 @@ from typing import Annotated
 
 import typer
 
+from hapticmech_ros.cli.commands import Commands
 from hapticmech_ros.cli.console import ChangesOption, SceneArgument, errors, say
 
-app = typer.Typer(
-    help="Scenes: check, list, show, assemble, plan, steps, copy, schema.", no_args_is_help=True
+app = Commands(
+    "List, check, draw, assemble, plan and copy scenes.", "scene list", "scene check door"
 )
 
 
-@app.command()
+@app.command("plan", "scene plan five_bar", "scene plan ur5e --json")
 def plan(
     scene: SceneArgument,
     point: Annotated[
@@ -42,7 +43,7 @@ def plan(
         show_plan(found)
 
 
-@app.command("list")
+@app.command("list", "scene list")
 def list_scenes() -> None:
     """List the scenes that come with the package."""
     from hapticmech_ros.cli.scene_tables import show_scenes
@@ -51,7 +52,7 @@ def list_scenes() -> None:
     show_scenes([(name, load_scene(path).description) for name, path in shipped_scenes().items()])
 
 
-@app.command()
+@app.command("check", "scene check door", "scene check examples/pantograph.urdf")
 def check(
     scene: SceneArgument,
     json_only: Annotated[
@@ -85,7 +86,7 @@ def check(
         show_check(found, left)
 
 
-@app.command()
+@app.command("steps", "scene steps two_link", "scene steps five_bar --error 1e-5 --out fast.yaml")
 def steps(
     scene: SceneArgument,
     error: Annotated[
@@ -127,7 +128,7 @@ def steps(
             say(out)
 
 
-@app.command()
+@app.command("show", "scene show door", "scene show examples/pantograph.yaml --out pantograph.png")
 def show(
     scene: SceneArgument,
     out: Annotated[
@@ -162,7 +163,7 @@ def show(
     say(path)
 
 
-@app.command()
+@app.command("assemble", "scene assemble five_bar", "scene assemble bricard --picture closed.png")
 def assemble(
     scene: SceneArgument,
     out: Annotated[
@@ -209,7 +210,7 @@ def assemble(
         say(out)
 
 
-@app.command()
+@app.command("copy", "scene copy five_bar mine.yaml", "scene copy ur5e mine.yaml --expanded")
 def copy(
     scene: SceneArgument,
     out: Annotated[Path, typer.Argument(help="YAML file to make")],
@@ -225,7 +226,7 @@ def copy(
     say(out)
 
 
-@app.command()
+@app.command("schema", "scene schema", "scene schema --markdown")
 def schema(
     markdown: Annotated[
         bool, typer.Option("--markdown", help="every key as tables, as in docs/scene-keys.md")
