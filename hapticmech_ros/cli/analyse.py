@@ -16,7 +16,7 @@ from hapticmech_ros.cli.console import (
     OutOption,
     PointOption,
     SceneArgument,
-    progress,
+    progress_of,
     say,
 )
 from hapticmech_ros.cli.study import ClusterOption, ProcessesOption, workers_of
@@ -51,11 +51,8 @@ def analyse(
     mechanism = Mechanism(load_scene(scene))
     states = states_from_bag(bag, mechanism, topic, namespace)
     begun = time.perf_counter()
-    with progress() as bar:
-        task = bar.add_task("analysing", total=states.stamps_ns.size)
-        found = analyse_states(
-            mechanism, states, point, lambda done, total: bar.update(task, completed=done)
-        )
+    with progress_of("analysing") as show:
+        found = analyse_states(mechanism, states, point, show)
     taken = time.perf_counter() - begun
     out.mkdir(parents=True, exist_ok=True)
     table = found.save(out / "analysis.npz")
@@ -91,15 +88,8 @@ def sweep(
     loaded = load_scene(scene, changes=changes or ())
     begun = time.perf_counter()
     places = math.prod(len(one.values) for one in prescribed)
-    with workers_of(processes, cluster) as workers, progress() as bar:
-        task = bar.add_task("sweeping", total=places)
-        found = run_sweep(
-            loaded,
-            prescribed,
-            point,
-            workers,
-            lambda done: bar.update(task, completed=done),
-        )
+    with workers_of(processes, cluster) as workers, progress_of("sweeping") as show:
+        found = run_sweep(loaded, prescribed, point, workers, lambda done: show(done, places))
     taken = time.perf_counter() - begun
     out.mkdir(parents=True, exist_ok=True)
     table = found.save(out / "sweep.npz")

@@ -10,14 +10,15 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from textwrap import fill
 from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.system.discovery import Transport
@@ -111,15 +112,27 @@ TransportOption = Annotated[
 ]
 
 
-def progress(where: Console = console) -> Progress:
-    """Return a bar that vanishes when it is done."""
+def progress() -> Progress:
+    """Return a bar on standard error that vanishes when it is done; nothing without a terminal."""
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),
         TextColumn("{task.percentage:>3.0f}%"),
-        console=where,
+        TimeRemainingColumn(),
+        console=errors,
         transient=True,
+        disable=not errors.is_terminal,
+        # Lines for a program stay on standard output.
+        redirect_stdout=console.is_terminal,
     )
+
+
+@contextmanager
+def progress_of(what: str) -> Iterator[Callable[[float, float], None]]:
+    """Show a bar, and yield the function to call with what is done, and all of it (0: unknown)."""
+    with progress() as bar:
+        task = bar.add_task(what, total=None)
+        yield lambda done, every: bar.update(task, completed=done, total=every or None)
 
 
 def words(text: str) -> tuple[str, ...]:

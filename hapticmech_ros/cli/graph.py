@@ -11,7 +11,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -27,6 +27,7 @@ from hapticmech_ros.cli.console import (
     TransportOption,
     console,
     errors,
+    progress_of,
     say,
     seconds_of,
 )
@@ -37,6 +38,7 @@ from hapticmech_ros.system.readiness import report_ready
 from hapticmech_ros.wire.topics import DEVICE, MECHANISM
 
 if TYPE_CHECKING:
+    from hapticmech_ros.graph.lockstep import LockstepRun
     from hapticmech_ros.graph.processes import AuxiliaryProcess, Graph
 from collections.abc import Iterator
 
@@ -264,9 +266,10 @@ def run(
             hold=held,
             parameters=parameters,
             arguments=arguments,
+            shown=True,
         )
         say(f"running {scene} in lockstep; Ctrl-C ends it")
-        ticks = run_lockstep(plan, os.environ, stop.is_set)
+        ticks = in_lockstep(run_lockstep, plan, stop)
         say(f"{ticks} ticks, {ticks * loaded.simulation.period:g} s")
         return
     given = {"control_rate": control_rate, "use_sim_time": use_sim_time}
@@ -394,6 +397,23 @@ def stop_by_signals() -> StopEvent:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     return stop
+
+
+def in_lockstep(run: Callable[..., int], plan: LockstepRun, stop: StopEvent) -> int:
+    """Run a graph in lockstep with a bar, print how its nodes ended, and return the ticks.
+
+    Args:
+        run: ``run_lockstep`` or ``replay``.
+        plan: its settings.
+        stop: ends it.
+    """
+    ends = list[tuple[Reports, Reports]]()
+    try:
+        with progress_of("ticks") as show:
+            return run(plan, os.environ, stop.is_set, show, lambda *found: ends.append(found))
+    finally:
+        for found in ends:
+            show_ends(*found)
 
 
 def drivers_of(devices: Sequence[str], held: Sequence[str]) -> dict[str, str]:

@@ -16,6 +16,7 @@ from hapticmech_ros.cli.graph import (
     ParametersOption,
     SettingOption,
     arguments_of,
+    in_lockstep,
     settings_of,
     stop_by_signals,
 )
@@ -72,8 +73,9 @@ def replay(
         namespace=namespace,
         parameters=settings_of(settings or []),
         arguments=arguments_of(params_file),
+        shown=True,
     )
-    ticks = run_replay(run, os.environ, stop.is_set)
+    ticks = in_lockstep(run_replay, run, stop)
     say(f"replayed {ticks} ticks into {out}")
     with BagReader(out) as recorded:
         found = {name: topic_of(name) for name in recorded.topics}

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from hapticmech_ros.cli.commands import Commands
-from hapticmech_ros.cli.console import ChangesOption, SceneArgument, errors, say
+from hapticmech_ros.cli.console import ChangesOption, SceneArgument, errors, progress, say
 
 app = Commands(
     "List, check, draw, assemble, plan and copy scenes.", "scene list", "scene check door"
@@ -112,8 +112,14 @@ def steps(
     from hapticmech_ros.plan.step_accuracy import step_choices
 
     loaded = load_scene(scene, changes=changes or ())
-    with errors.status("steps") as status:
-        found = step_choices(loaded, error, time.process_time, status.update)
+    with progress() as bar:
+        task = bar.add_task("", total=1.0)
+        found = step_choices(
+            loaded,
+            error,
+            time.process_time,
+            lambda what, share: bar.update(task, description=what, completed=share),
+        )
     if json_only:
         print(json.dumps(plain(found), allow_nan=False))
     else:
@@ -179,7 +185,6 @@ def assemble(
     changes: ChangesOption = None,
 ) -> None:
     """Find configurations in which the loops of SCENE are closed."""
-    from hapticmech_ros.cli.console import progress
     from hapticmech_ros.cli.scene_tables import show_assemblies
     from hapticmech_ros.loading import load_scene
     from hapticmech_ros.loading.loader import copy_scene

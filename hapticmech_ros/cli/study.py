@@ -26,7 +26,7 @@ from hapticmech_ros.cli.console import (
     OutOption,
     PointOption,
     SceneArgument,
-    progress,
+    progress_of,
     say,
 )
 
@@ -58,18 +58,8 @@ def study(
     from hapticmech_ros.study import Design, Variation, run_study
 
     design = Design(tuple(map(Variation.read, vary)), samples, seed)
-    with workers_of(processes, cluster) as workers, progress(errors) as bar:
-        task = bar.add_task("measuring", total=len(design))
-        found = run_study(
-            scene,
-            design,
-            words(measure),
-            point,
-            changes or (),
-            out,
-            workers,
-            lambda done, total: bar.update(task, completed=done, total=total),
-        )
+    with workers_of(processes, cluster) as workers, progress_of("measuring") as show:
+        found = run_study(scene, design, words(measure), point, changes or (), out, workers, show)
     found.write(out)
     report(found, out, json_only)
 

@@ -325,9 +325,8 @@ def record_in_lockstep(
         shown=True,
     )
 
-    def progress(ticks: int) -> None:
-        done = ticks * scene.simulation.period / run.duration
-        show("pushing and recording in lockstep", min(1.0, done))
+    def progress(ticks: int, every: int) -> None:
+        show("pushing and recording in lockstep", min(1.0, ticks / every))
 
     show("starting the graph in lockstep", None)
     run_lockstep(run, private_environment(), lambda: False, progress)
