@@ -77,7 +77,7 @@ def demo(
             if done is not None:
                 bar.update(task, completed=done)
             # Where there is no bar, a line for each stage.
-            if not console.is_terminal and stage != shown:
+            if bar.disable and stage != shown:
                 notify(stage)
             shown = stage
 

@@ -8,6 +8,7 @@ import shutil
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -132,13 +133,11 @@ def _results(
         shared = shared_record_from_bag(bag, scene, duration=seconds)
         users = {name: replace(one, lockstep=run.lockstep) for name, one in shared.users.items()}
         shared = replace(shared, users=users)
-        show("simulating the same without ROS", None)
-        both = run_shared_session(scene, seconds)
+        both = run_shared_session(scene, seconds, partial(show, "simulating the same without ROS"))
         show("drawing", None)
         return write_shared_results(shared, scene, out, health, both)
     record = replace(record_from_bag(bag, scene, duration=seconds), lockstep=run.lockstep)
-    show("simulating the same without ROS", None)
-    reference = run_session(scene, seconds)
+    reference = run_session(scene, seconds, partial(show, "simulating the same without ROS"))
     show("drawing", None)
     return write_results(record, scene, out, health, reference)
 

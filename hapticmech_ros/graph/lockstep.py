@@ -172,6 +172,7 @@ def run_lockstep(
                 if event["event"] == "done":
                     return int(event["ticks"])
                 graph.check()
+                graph.reports()  # makes room for those that follow
                 if event["event"] == "progress":
                     progress(int(event["ticks"]), int(event["every"]))
                 if event["event"] == "failed":
