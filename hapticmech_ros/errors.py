@@ -18,10 +18,20 @@ _BRIEF.maxstring = _BRIEF.maxother = 80
 _BRIEF.maxlist = _BRIEF.maxtuple = _BRIEF.maxdict = 12
 _BRIEF.maxlevel = 3
 
+# Names in a message.
+MOST_LISTED = 30
+
 
 def shown(value: object) -> str:
     """Return ``value`` for a message, cut short before it is written out in full."""
     return _BRIEF.repr(value)
+
+
+def listed(names: Iterable[object]) -> str:
+    """Return names for a message, with commas between; of many the first ones."""
+    every = list(map(str, names))
+    more = len(every) - MOST_LISTED
+    return ", ".join(every[:MOST_LISTED]) + (f" and {more} more" if more > 0 else "")
 
 
 def nearest(name: object, known: Iterable[str]) -> str:
@@ -119,7 +129,7 @@ class ClosureError(HapticMechError):
     def __init__(self, message: str, residual: float, closures: Sequence[str]) -> None:
         self.residual = residual
         self.closures = tuple(closures)
-        super().__init__(f"{message} (closures {list(self.closures)}, residual {residual:.3e})")
+        super().__init__(f"{message} (closures {listed(self.closures)}, residual {residual:.3e})")
 
 
 class InaccurateStepError(HapticMechError):

@@ -15,9 +15,16 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.version import Version
 
-from commands import printed_by
+from commands import printed_by, ran
 from hapticmech_ros.errors import HapticMechError, InstallationError
-from hapticmech_ros.system.installation import OF_COMMANDS, PACKAGE, refuse_middleware, refuse_unmet
+from hapticmech_ros.nodes.entry import start
+from hapticmech_ros.system.installation import (
+    NO_RCLPY,
+    OF_COMMANDS,
+    PACKAGE,
+    refuse_unmet,
+    refuse_without_ros,
+)
 
 ROOT = Path(__file__).resolve().parents[1]
 BIN = Path(sys.prefix) / "bin"
@@ -43,7 +50,7 @@ def lowest(requirement):
 
 def test_this_environment_has_what_is_needed():
     refuse_unmet()
-    refuse_middleware(os.environ)
+    refuse_without_ros(os.environ)
 
 
 def test_a_middleware_that_is_not_installed_is_named_with_its_variable(tmp_path):
@@ -64,9 +71,29 @@ def test_a_middleware_that_is_not_installed_is_named_with_its_variable(tmp_path)
     index.mkdir(parents=True)
     (index / "rmw_foo").touch()
     known = {"RMW_IMPLEMENTATION": "rmw_foo", "AMENT_PREFIX_PATH": str(tmp_path)}
-    refuse_middleware(known)
+    refuse_without_ros(known)
     with pytest.raises(HapticMechError, match=r"there is rmw_.*rmw_foo"):
-        refuse_middleware(known | {"RMW_IMPLEMENTATION": "rmw_bar"})
+        refuse_without_ros(known | {"RMW_IMPLEMENTATION": "rmw_bar"})
+
+
+@pytest.mark.parametrize(
+    "command",
+    ["run", "run --lockstep", "demo", "bag replay BAG -o OUT", "bag record", "device test"],
+)
+def test_without_rclpy_commands_end_before_anything_is_started(command, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, "rclpy", None)
+    monkeypatch.setattr(subprocess, "Popen", None)
+    with pytest.raises(HapticMechError) as raised:
+        ran(*command.split())
+    assert str(raised.value) == NO_RCLPY
+    assert not list(tmp_path.iterdir())
+
+
+def test_without_rclpy_a_node_ends_with_the_same_sentence(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "rclpy", None)
+    assert start(["haptic_device"], []) == 1
+    assert capsys.readouterr().err == f"haptic_device: {NO_RCLPY}\n"
 
 
 def test_all_that_is_missing_or_old_is_named_with_the_command_that_installs_it():

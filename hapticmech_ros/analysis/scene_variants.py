@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import InvalidInputError, listed
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import PositionChannelGains
 from hapticmech_ros.scene.device import Device, device_presets
@@ -85,7 +85,9 @@ def with_device(scene: Scene, preset: str) -> Scene:
         InvalidInputError: an unknown preset.
     """
     if preset not in device_presets():
-        raise InvalidInputError("device", preset, f"must be one of {sorted(device_presets())}")
+        raise InvalidInputError(
+            "device", preset, f"must be one of {listed(sorted(device_presets()))}"
+        )
     device = Device.model_validate({"preset": preset})
     return scene.model_copy(update={"name": f"{scene.name}_{preset}", "device": device})
 

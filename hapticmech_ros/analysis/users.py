@@ -36,7 +36,7 @@ from hapticmech_ros.analysis.scene_variants import NO_HAND, still
 from hapticmech_ros.analysis.study import Results, Sheet, Show, complex_parts, silent
 from hapticmech_ros.analysis.touch import fine_times, samples_of, scripted
 from hapticmech_ros.device.hand import spring_gains
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import InvalidInputError, listed
 from hapticmech_ros.experiment.figure_style import (
     BLUE,
     GREY,
@@ -146,7 +146,7 @@ def _holding_still(scene: Scene, point: str) -> Scene:
         InvalidInputError: a point that is not held, or a hand whose impedance is not known.
     """
     if point not in scene.held_points or len(scene.held_points) < 2:
-        rule = f"must be one of several points that are held, here {list(scene.held_points)}"
+        rule = f"must be one of several points that are held, here {listed(scene.held_points)}"
         raise InvalidInputError("point", point, rule)
     hands = []
     for name in scene.held_points:

@@ -29,7 +29,7 @@ from rosbags.rosbag2.metadata import dump_qos_v9, parse_qos
 from ruamel.yaml import YAML
 
 from hapticmech_ros.bag.storage import LATEST_NS, NO_DEFINITION, DamageError, StoredTopic
-from hapticmech_ros.errors import BagError, FileError
+from hapticmech_ros.errors import BagError, FileError, listed
 from hapticmech_ros.files import read_text
 from hapticmech_ros.files.yaml_text import read_yaml
 
@@ -69,7 +69,7 @@ def offered_qos(name: str) -> Qos:
         BagError: unknown name.
     """
     if name not in OFFERED:
-        raise BagError(f"quality of service {name!r}: must be one of {sorted(OFFERED)}")
+        raise BagError(f"quality of service {name!r}: must be one of {listed(sorted(OFFERED))}")
     return OFFERED[name]
 
 

@@ -38,7 +38,7 @@ from hapticmech_ros.bag.storage import (
     unpack_file,
     unpacked,
 )
-from hapticmech_ros.errors import BagError
+from hapticmech_ros.errors import BagError, listed
 from hapticmech_ros.files import exists
 from hapticmech_ros.numerics.times import NANOSECONDS
 
@@ -287,7 +287,7 @@ class BagReader(AbstractContextManager["BagReader"]):
         topics = said["topics_with_message_count"]
         others = {str(one["topic_metadata"]["serialization_format"]) for one in topics} - {"cdr"}
         if others:
-            raise DamageError(f"serialization {sorted(others)} is not supported")
+            raise DamageError(f"serialization {listed(sorted(others))} is not supported")
         paths = [self.path / PurePosixPath(name).name for name in said["relative_file_paths"]]
         missing = [path.name for path in paths if not exists(path)]
         if missing:

@@ -30,7 +30,7 @@ from hapticmech_ros.bag.metadata import (
 )
 from hapticmech_ros.bag.sqlite_file import SqliteFile
 from hapticmech_ros.bag.storage import Messages, StoredTopic
-from hapticmech_ros.errors import BagError
+from hapticmech_ros.errors import BagError, listed
 
 # Messages older than this, by their times, are on disk if the writer is killed.
 FLUSH_NS = 500_000_000
@@ -66,7 +66,7 @@ class BagWriter(AbstractContextManager["BagWriter"]):
         split_ns: int | None = None,
     ) -> None:
         if storage not in STORAGE_FILES:
-            raise BagError(f"storage {storage!r}: must be one of {sorted(STORAGE_FILES)}")
+            raise BagError(f"storage {storage!r}: must be one of {listed(sorted(STORAGE_FILES))}")
         for limit in (split_bytes, split_ns):
             if limit is not None and limit <= 0:
                 raise BagError(f"limit of a file's size or duration, {limit}: must be positive")

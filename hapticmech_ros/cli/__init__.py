@@ -23,22 +23,21 @@ from hapticmech_ros.cli import (
     scene,
     study,
 )
-from hapticmech_ros.cli.console import console, errors
+from hapticmech_ros.cli.commands import BAGS, GRAPH, SCENES, START, STUDIES, Commands
+from hapticmech_ros.cli.console import errors, say
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.system.discovery import choose_discovery
 
-app = typer.Typer(
-    name="hapticmech",
-    help="Feel virtual mechanisms: run the graph of nodes, and the paper's experiment.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
+app = Commands(
+    "Feel virtual mechanisms: run the graph of nodes, and the paper's experiment.",
+    "demo",
+    "live five_bar",
 )
 
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        console.print(version("hapticmech_ros"))
+        say(version("hapticmech_ros"))
         raise typer.Exit
 
 
@@ -51,24 +50,31 @@ def _options(
     return
 
 
-for command in (
-    graph.run,
-    experiment.demo,
-    experiment.experiment,
-    graph.topics,
-    graph.parameters,
-    live.live,
-    graph.policy,
-    analyse.analyse,
-    analyse.sweep,
-    study.study,
+for group, command, *examples in (
+    (START, experiment.demo, "demo", "demo four_bar_closing --out demo/closing"),
+    (START, experiment.experiment, "experiment", "experiment door --out session --duration 2"),
+    (START, live.live, "live", "live examples/pantograph.urdf"),
+    (GRAPH, graph.run, "run five_bar", "run door --view --record bags/door --duration 5"),
+    (GRAPH, graph.topics, "topics", "topics --cpp"),
+    (GRAPH, graph.parameters, "parameters"),
+    (GRAPH, graph.policy, "policy", "policy --namespace /left"),
+    (BAGS, analyse.analyse, "analyse bags/live", "analyse bags/live --scene door --out door"),
+    (STUDIES, analyse.sweep, "sweep two_link --joint joint2=0:1:20"),
+    (STUDIES, study.study, "study five_bar --vary device.mass=0.1:0.5:5"),
 ):
-    app.command()(command)
-app.add_typer(feel.app, name="feel")
-bag.app.command()(replay.replay)
-app.add_typer(bag.app, name="bag")
-app.add_typer(scene.app, name="scene")
-app.add_typer(device.app, name="device")
+    app.command(None, *examples, group=group)(command)
+bag.app.command(
+    "replay",
+    "bag replay bags/live --out bags/same --exact",
+    "bag replay bags/live --out bags/slower --control-rate 500",
+)(replay.replay)
+for family, name, group in (
+    (scene, "scene", SCENES),
+    (device, "device", GRAPH),
+    (bag, "bag", BAGS),
+    (feel, "feel", STUDIES),
+):
+    app.add_typer(family.app, name=name, rich_help_panel=group)
 
 
 def main() -> None:
@@ -93,5 +99,5 @@ def run_app(commands: typer.Typer) -> None:
 
 
 def _end(reason: str) -> None:
-    errors.print(f"error: {reason}", style="red", highlight=False, markup=False, soft_wrap=True)
+    say(f"error: {reason}", "red", errors, hang=4)
     sys.exit(1)

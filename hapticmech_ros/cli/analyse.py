@@ -9,7 +9,6 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 from hapticmech_ros.cli.console import (
@@ -17,8 +16,8 @@ from hapticmech_ros.cli.console import (
     OutOption,
     PointOption,
     SceneArgument,
-    console,
-    progress,
+    progress_of,
+    say,
 )
 from hapticmech_ros.cli.study import ClusterOption, ProcessesOption, workers_of
 from hapticmech_ros.errors import InvalidInputError
@@ -41,6 +40,8 @@ def analyse(
     out: OutOption = Path("analysis"),
 ) -> None:
     """Compute Λ_h⁻¹, spectrum and count at every state of a recording: a table and a plot."""
+    import numpy as np
+
     from hapticmech_ros.experiment.figure_style import save
     from hapticmech_ros.loading import load_scene
     from hapticmech_ros.mechanism import Mechanism
@@ -50,24 +51,20 @@ def analyse(
     mechanism = Mechanism(load_scene(scene))
     states = states_from_bag(bag, mechanism, topic, namespace)
     begun = time.perf_counter()
-    with progress() as bar:
-        task = bar.add_task("analysing", total=states.stamps_ns.size)
-        found = analyse_states(
-            mechanism, states, point, lambda done, total: bar.update(task, completed=done)
-        )
+    with progress_of("analysing") as show:
+        found = analyse_states(mechanism, states, point, show)
     taken = time.perf_counter() - begun
     out.mkdir(parents=True, exist_ok=True)
     table = found.save(out / "analysis.npz")
     picture = save(analysis_figure(found, mechanism.scene), out / "analysis.png")
     counts = ", ".join(str(count) for count in np.unique(found.count).tolist())
-    console.print(
+    say(
         f"{found.times.size} states of {states.topic}, {found.times[-1]:.3f} s:"
-        f" analysed in {taken:.2f} s; joint constraints felt: {counts}",
-        highlight=False,
+        f" analysed in {taken:.2f} s; joint constraints felt: {counts}"
     )
     for note in states.notes:
-        console.print(note, style="yellow", highlight=False, markup=False, soft_wrap=True)
-    console.print(f"{table}\n{picture}", highlight=False)
+        say(note, "yellow")
+    say(f"{table}\n{picture}")
 
 
 def sweep(
@@ -91,24 +88,14 @@ def sweep(
     loaded = load_scene(scene, changes=changes or ())
     begun = time.perf_counter()
     places = math.prod(len(one.values) for one in prescribed)
-    with workers_of(processes, cluster) as workers, progress() as bar:
-        task = bar.add_task("sweeping", total=places)
-        found = run_sweep(
-            loaded,
-            prescribed,
-            point,
-            workers,
-            lambda done: bar.update(task, completed=done),
-        )
+    with workers_of(processes, cluster) as workers, progress_of("sweeping") as show:
+        found = run_sweep(loaded, prescribed, point, workers, lambda done: show(done, places))
     taken = time.perf_counter() - begun
     out.mkdir(parents=True, exist_ok=True)
     table = found.save(out / "sweep.npz")
     picture = save(sweep_figure(found, prescribed, loaded), out / "sweep.png")
-    console.print(
-        f"{found.count.size} of {places} places reached and analysed in {taken:.2f} s",
-        highlight=False,
-    )
-    console.print(f"{table}\n{picture}", highlight=False)
+    say(f"{found.count.size} of {places} places reached and analysed in {taken:.2f} s")
+    say(f"{table}\n{picture}")
 
 
 def _prescribed(text: str) -> PrescribedJoint:
@@ -117,6 +104,8 @@ def _prescribed(text: str) -> PrescribedJoint:
     Raises:
         InvalidInputError: it does not.
     """
+    import numpy as np
+
     from hapticmech_ros.offline import PrescribedJoint
 
     name, _, way = text.partition("=")

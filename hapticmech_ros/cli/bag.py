@@ -13,14 +13,15 @@ from typing import Annotated, Any
 
 import typer
 
-from hapticmech_ros.cli.console import TransportOption, console
+from hapticmech_ros.cli.commands import Commands
+from hapticmech_ros.cli.console import TransportOption, say
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.system.installation import refuse_middleware
+from hapticmech_ros.system.installation import refuse_without_ros
 
-app = typer.Typer(
-    help="Record, play, check, compare and repair rosbag2 bags.",
-    no_args_is_help=True,
-    context_settings={"help_option_names": ["-h", "--help"]},
+app = Commands(
+    "Record, play, check, compare, replay and repair rosbag2 bags.",
+    "bag info bags/live",
+    "bag check bags/live",
 )
 MEGABYTE = 1_000_000
 
@@ -47,7 +48,7 @@ JsonOption = Annotated[
 ]
 
 
-@app.command()
+@app.command("record", "bag record --all --out bags/live", "bag record device/state --duration 5")
 def record(
     topics: Annotated[
         list[str] | None, typer.Argument(help="topics; all if neither these nor --regex are given")
@@ -60,7 +61,9 @@ def record(
         Path | None,
         typer.Option("--out", "-o", help="folder to make", show_default="rosbag2_<date>-<time>"),
     ] = None,
-    storage: Annotated[Storage, typer.Option("--storage", "-s", help="format")] = Storage.mcap,
+    storage: Annotated[
+        Storage, typer.Option("--storage", "-s", metavar="mcap|sqlite3")
+    ] = Storage.mcap,
     split_size: Annotated[
         float | None, typer.Option(help="begin a new file at this size, MB", min=0.01)
     ] = None,
@@ -75,7 +78,7 @@ def record(
     transport: TransportOption = "auto",
 ) -> None:
     """Record topics of the running graph, also those that appear later, until Ctrl-C."""
-    refuse_middleware(os.environ)
+    refuse_without_ros(os.environ)
     from hapticmech_ros.nodes.bags.bag_recorder import RecordOptions
     from hapticmech_ros.nodes.bags.bag_recorder import record as record_bag
 
@@ -97,7 +100,7 @@ def record(
     raise typer.Exit(record_bag(options))
 
 
-@app.command()
+@app.command("play", "bag play bags/live --rate 0.5 --clock 100", "bag play bags/live --loop")
 def play(
     bag: BagArgument,
     topics: Annotated[list[str] | None, typer.Argument(help="topics of the bag; or all")] = None,
@@ -122,7 +125,7 @@ def play(
     ] = 0.0,
 ) -> None:
     """Publish a bag's messages as they were recorded; the space key pauses."""
-    refuse_middleware(os.environ)
+    refuse_without_ros(os.environ)
     from hapticmech_ros.nodes.bags.bag_player import PlayOptions
     from hapticmech_ros.nodes.bags.bag_player import play as play_bag
 
@@ -142,7 +145,7 @@ def play(
     raise typer.Exit(play_bag(options))
 
 
-@app.command()
+@app.command("info", "bag info bags/live", "bag info bags/live --json")
 def info(
     bag: BagArgument,
     as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
@@ -158,7 +161,7 @@ def info(
         show_info(found)
 
 
-@app.command()
+@app.command("check", "bag check bags/live", "bag check bags/original bags/slower --tolerance 1e-6")
 def check(
     bag: BagArgument,
     other: Annotated[
@@ -175,7 +178,9 @@ def check(
     ] = False,
     align: Annotated[
         Align,
-        typer.Option(help="same stamps; nearest stamps; nearest as counted from each bag's start"),
+        typer.Option(
+            help="stamp: same stamps; nearest ones; start: nearest, from each bag's start"
+        ),
     ] = Align.stamp,
     report: JsonOption = None,
 ) -> None:
@@ -203,11 +208,11 @@ def check(
     if exact and not compared.is_exact:
         failures.append("messages are missing or differ")
     for failure in failures:
-        console.print(failure, style="red")
+        say(failure, "red")
     raise typer.Exit(1 if failures else 0)
 
 
-@app.command()
+@app.command("repair", "bag repair bags/live", "bag repair bags/live --out bags/whole")
 def repair(
     bag: BagArgument,
     out: Annotated[

@@ -10,28 +10,25 @@ from hapticmech_ros.analysis.study import Sheet
 from hapticmech_ros.bag.check import BagCheck, BagInfo
 from hapticmech_ros.bag.compare import BagComparison
 from hapticmech_ros.bag.repair import RepairReport
-from hapticmech_ros.cli.console import console
-
-# Names of topics are not folded up to this width, characters.
-WIDEST_NAME = 60
+from hapticmech_ros.cli.console import WIDEST_NAME, console, say
 
 
 def show_info(info: BagInfo) -> None:
     """Print the contents of a bag."""
-    _print(f"{info.path}: {info.storage}, {_size(info.bytes)}, {info.messages} messages")
+    say(f"{info.path}: {info.storage}, {_size(info.bytes)}, {info.messages} messages")
     if not info.finished:
-        _print("unfinished: still being recorded, or interrupted; counts may be outdated", "yellow")
+        say("unfinished: still being recorded, or interrupted; counts may be outdated", "yellow")
     if info.compression:
-        _print(f"compression: {info.compression}")
+        say(f"compression: {info.compression}")
     if info.lost:
         losses = (f"{name} {'?' if count is None else count}" for name, count in info.lost.items())
-        _print(f"lost while recording: {', '.join(losses)}", "yellow")
+        say(f"lost while recording: {', '.join(losses)}", "yellow")
     if info.messages:
-        _print(f"start {_date(info.start_ns)}, duration {info.duration_s:.3f} s")
+        say(f"start {_date(info.start_ns)}, duration {info.duration_s:.3f} s")
     for file in info.files:
         count = "" if file.messages is None else f", {file.messages} messages"
         span = "" if file.duration_s is None else f", {file.duration_s:.3f} s"
-        _print(f"  {file.name}: {_size(file.bytes)}{count}{span}")
+        say(f"  {file.name}: {_size(file.bytes)}{count}{span}")
     rows = tuple(
         (
             topic.name,
@@ -70,13 +67,13 @@ def show_check(checked: BagCheck) -> None:
     if rows:
         console.print(Sheet("", headings, tuple(rows), ("notes",), kept=WIDEST_NAME))
     for name in checked.absent:
-        _print(f"not recorded: {name}", "yellow")
+        say(f"not recorded: {name}", "yellow")
     for trouble in checked.damage:
-        _print(f"damaged: {trouble}", "red")
+        say(f"damaged: {trouble}", "red")
     if checked.is_empty and not checked.damage:
-        _print(f"{checked.path} is empty: no samples were recorded", "yellow")
+        say(f"{checked.path} is empty: no samples were recorded", "yellow")
     if checked.is_sound:
-        _print(f"{checked.path} is sound", "green")
+        say(f"{checked.path} is sound", "green")
 
 
 def show_comparison(compared: BagComparison) -> None:
@@ -100,9 +97,9 @@ def show_comparison(compared: BagComparison) -> None:
     headings = ("topic", "matched by", *numbers, "at")
     console.print(Sheet("", headings, tuple(rows), ("matched by", "at"), kept=WIDEST_NAME))
     for name in compared.missing_topics:
-        _print(f"not in {compared.actual}: {name}", "yellow")
+        say(f"not in {compared.actual}: {name}", "yellow")
     for name in compared.extra_topics:
-        _print(f"only in {compared.actual}: {name}", "yellow")
+        say(f"only in {compared.actual}: {name}", "yellow")
 
 
 def show_repair(done: RepairReport) -> None:
@@ -110,18 +107,14 @@ def show_repair(done: RepairReport) -> None:
     for file in done.files:
         trouble = f"; {file.trouble}" if file.trouble else ""
         lost = f"; {file.lost_bytes} bytes lost" if file.lost_bytes else ""
-        _print(f"{file.name}: {file.messages} messages{trouble}{lost}")
+        say(f"{file.name}: {file.messages} messages{trouble}{lost}")
     for name, count in sorted(done.counts.items()):
-        _print(f"  {name}: {count} messages")
+        say(f"  {name}: {count} messages")
     for name, reason in sorted(done.refused.items()):
-        _print(f"  {name}: lost, {reason}", "red")
+        say(f"  {name}: lost, {reason}", "red")
     if done.stated is not None and done.stated != done.messages:
-        _print(f"according to its metadata the damaged bag had {done.stated} messages", "yellow")
-    _print(f"{done.messages} messages recovered into {done.path}")
-
-
-def _print(text: str, style: str | None = None) -> None:
-    console.print(text, style=style, highlight=False, markup=False, soft_wrap=True)
+        say(f"according to its metadata the damaged bag had {done.stated} messages", "yellow")
+    say(f"{done.messages} messages recovered into {done.path}")
 
 
 def _size(size: int) -> str:

@@ -8,14 +8,17 @@ Durations as people write them.
 from __future__ import annotations
 
 import math
+import os
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from textwrap import fill
 from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.system.discovery import Transport
@@ -60,8 +63,36 @@ def vector_of(option: str, text: str, parts: Sequence[str], rule: str) -> tuple[
     return found
 
 
+# Names in tables are not folded up to this width, characters.
+WIDEST_NAME = 60
+
 console = Console()
 errors = Console(stderr=True)
+
+
+def say(text: object, style: str | None = None, where: Console = console, hang: int = 0) -> None:
+    """Print text as it is; between words new lines begin if a person reads it, or COLUMNS is set.
+
+    Args:
+        text: of lines, none of which a program that reads them finds broken.
+        style: of rich.
+        where: standard output or error.
+        hang: indentation of new lines, characters.
+    """
+    lines = str(text).splitlines()
+    if where.is_terminal or "COLUMNS" in os.environ:
+        lines = [
+            fill(
+                line,
+                where.width,
+                subsequent_indent=" " * hang,
+                break_long_words=False,
+                break_on_hyphens=False,
+            )
+            for line in lines
+        ]
+    where.print("\n".join(lines), style=style, highlight=False, markup=False, soft_wrap=True)
+
 
 SceneArgument = Annotated[
     str, typer.Argument(help="shipped scene, or path of a YAML, URDF, MJCF or SDF file")
@@ -76,19 +107,32 @@ PointOption = Annotated[
 OutOption = Annotated[Path, typer.Option("--out", "-o", help="folder for the results")]
 ComposedOption = Annotated[bool, typer.Option(help="all four nodes in one process")]
 TransportOption = Annotated[
-    Transport, typer.Option(help="auto: between processes of this host directly")
+    Transport,
+    typer.Option(metavar="auto|middleware", help="auto: between processes of this host directly"),
 ]
 
 
-def progress(where: Console = console) -> Progress:
-    """Return a bar that vanishes when it is done."""
+def progress() -> Progress:
+    """Return a bar on standard error that vanishes when it is done; nothing without a terminal."""
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),
         TextColumn("{task.percentage:>3.0f}%"),
-        console=where,
+        TimeRemainingColumn(),
+        console=errors,
         transient=True,
+        disable=not errors.is_terminal,
+        # Lines for a program stay on standard output.
+        redirect_stdout=console.is_terminal,
     )
+
+
+@contextmanager
+def progress_of(what: str) -> Iterator[Callable[[float, float], None]]:
+    """Show a bar, and yield the function to call with what is done, and all of it (0: unknown)."""
+    with progress() as bar:
+        task = bar.add_task(what, total=None)
+        yield lambda done, every: bar.update(task, completed=done, total=every or None)
 
 
 def words(text: str) -> tuple[str, ...]:

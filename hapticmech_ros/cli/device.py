@@ -12,23 +12,23 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from hapticmech_ros.cli.console import seconds_of, vector_of
+from hapticmech_ros.cli.commands import Commands
+from hapticmech_ros.cli.console import console, say, seconds_of, vector_of
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.system.installation import refuse_middleware
+from hapticmech_ros.system.installation import refuse_without_ros
 
 if TYPE_CHECKING:
     from hapticmech_ros.haply.emulator import Press
 
-app = typer.Typer(help="Real devices that a scene can name.", no_args_is_help=True)
+app = Commands("List, emulate, calibrate and test real devices.", "device list", "device test")
 
 
-@app.command("list")
+@app.command("list", "device list")
 def list_devices() -> None:
     """List the device presets of the package and their main values."""
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
-    from hapticmech_ros.cli.console import console
     from hapticmech_ros.scene.device import Device, device_presets
 
     table = Table(box=SIMPLE_HEAD)
@@ -45,14 +45,16 @@ def list_devices() -> None:
     console.print(table)
 
 
-Model = Annotated[Literal["inverse3"], typer.Argument(help="device")]
+Model = Annotated[Literal["inverse3"], typer.Argument(help="inverse3")]
 MountingOption = Annotated[
     str, typer.Option(help="roll, pitch, yaw of the device's base in the world, rad")
 ]
 UriOption = Annotated[str, typer.Option(help="address of Haply's Inverse service")]
 
 
-@app.command()
+@app.command(
+    "emulate", "device emulate inverse3", "device emulate inverse3 --scene door --delay 2ms"
+)
 def emulate(
     model: Model,
     scene: Annotated[
@@ -93,7 +95,6 @@ def emulate(
     import numpy as np
     import pinocchio as pin
 
-    from hapticmech_ros.cli.console import console
     from hapticmech_ros.haply.emulator import EmulatedInverse3, Faults, Service
     from hapticmech_ros.loading import load_scene
 
@@ -113,13 +114,13 @@ def emulate(
         service = Service(device, faults)
 
         def ready(found: int) -> None:
-            console.print(f"ws://{host}:{found}; Ctrl-C ends it", highlight=False, soft_wrap=True)
+            say(f"ws://{host}:{found}; Ctrl-C ends it")
 
         with suppress(KeyboardInterrupt):
             asyncio.run(service.serve(host, port, ready))
 
 
-@app.command()
+@app.command("calibrate", "device calibrate inverse3 haply.yaml")
 def calibrate(
     model: Model,
     out: Annotated[Path, typer.Argument(help="parameter file of haply_device to make")],
@@ -128,7 +129,6 @@ def calibrate(
     seconds: Annotated[float, typer.Option(min=1.0, help="for moving it about")] = 15.0,
 ) -> None:
     """Find how a device's base stands in the world, and how far it reaches; writes parameters."""
-    from hapticmech_ros.cli.console import console
     from hapticmech_ros.haply.reader import CursorReader, mounting_of, reach_of
 
     del model
@@ -136,7 +136,7 @@ def calibrate(
         raise InvalidInputError("parameter file", str(out), "must not be there yet")
     with closing(CursorReader(uri, device_id)) as reader:
         for name, value in reader.known.items():
-            console.print(f"{name}: {value}", highlight=False, markup=False)
+            say(f"{name}: {value}")
         places = []
         for what in (
             "Hold the handle still in the middle of its reach",
@@ -159,11 +159,11 @@ def calibrate(
         encoding="utf-8",
     )
     skew = math.degrees(abs(mounting.skew))
-    console.print(f"the movements were {skew:.1f}° off a right angle")
-    console.print(f"{out}: workspace_radius is 0.9 of the reach, {radius:.3f} m")
+    say(f"the movements were {skew:.1f}° off a right angle")
+    say(f"{out}: workspace_radius is 0.9 of the reach, {radius:.3f} m")
 
 
-@app.command("test")
+@app.command("test", "device test", "device test --force 0.3 --rate 500")
 def check_driver(
     namespace: Annotated[str, typer.Option(help="of the driver's topics device/...")] = "",
     force: Annotated[float, typer.Option(min=0.05, max=5.0, help="to command, N")] = 0.5,
@@ -178,9 +178,7 @@ def check_driver(
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
-    from hapticmech_ros.cli.console import console
-
-    refuse_middleware(os.environ)
+    refuse_without_ros(os.environ)
     from hapticmech_ros.nodes.conformance import DriverTest
 
     table = Table(box=SIMPLE_HEAD)

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
@@ -17,12 +18,15 @@ from hapticmech_ros.cli.console import (
     OutOption,
     SceneArgument,
     console,
+    errors,
     progress,
+    say,
     vector_of,
     with_changes,
     words,
 )
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.system.installation import refuse_without_ros
 
 if TYPE_CHECKING:
     from hapticmech_ros.experiment import ExperimentRecord, SharedRecord
@@ -61,6 +65,7 @@ def demo(
     from hapticmech_ros.graph.demo import run_demo
     from hapticmech_ros.loading import load_scene
 
+    refuse_without_ros(os.environ)
     (scene,) = with_changes([scene], changes, out)
     with progress() as bar:
         task = bar.add_task("starting the graph", total=None)
@@ -72,12 +77,12 @@ def demo(
             if done is not None:
                 bar.update(task, completed=done)
             # Where there is no bar, a line for each stage.
-            if not console.is_terminal and stage != shown:
+            if bar.disable and stage != shown:
                 notify(stage)
             shown = stage
 
         def notify(sentence: str) -> None:
-            console.print(sentence, highlight=False, markup=False, soft_wrap=True)
+            say(sentence)
 
         try:
             summary = run_demo(scene, out, composed, duration, storage, show, control_rate, notify)
@@ -121,12 +126,12 @@ def experiment(
     if force is None and idle and not hand.tremor:
         force = DEFAULT_PUSH
         text = "the scene's hand does nothing: it pushes with 0.5 N along x here; --push X,Y,Z"
-        console.print(text, highlight=False, markup=False, soft_wrap=True)
+        say(text)
     if force is not None:
         given = {"kind": "constant_wrench", "start_delay": hand.start_delay, "force": force}
         loaded = load_scene(scene, changes=[*(changes or ()), f"hand={json.dumps(given)}"])
     if warning := hand_beyond_device(loaded):
-        typer.echo(warning, err=True)
+        say(warning, where=errors)
     _simulate(run_session, write_results, loaded, duration, out)
 
 
@@ -165,7 +170,7 @@ def _leave(failure: UnfinishedRunError, scene: Scene, out: Path) -> None:
     from hapticmech_ros.experiment.run import write_unfinished
 
     write_unfinished(failure, scene, out)
-    console.print(f"until then: {out.resolve()}", highlight=False, soft_wrap=True)
+    say(f"until then: {out.resolve()}")
 
 
 def _print_results(summary: dict[str, object], out: Path) -> None:
@@ -173,4 +178,4 @@ def _print_results(summary: dict[str, object], out: Path) -> None:
 
     for table in tables(summary):
         console.print(table)
-    console.print(f"results: {out.resolve()}", highlight=False, soft_wrap=True)
+    say(f"results: {out.resolve()}")

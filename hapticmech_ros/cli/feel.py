@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from hapticmech_ros.cli.commands import Commands
 from hapticmech_ros.cli.console import ChangesOption, OutOption, with_changes, words
 from hapticmech_ros.cli.study import (
     ClusterOption,
@@ -35,12 +36,14 @@ SampleScenes = Annotated[
 PeriodsOption = Annotated[str, typer.Option(help="periods from measuring to acting, with commas")]
 AllOption = Annotated[bool, typer.Option("--all", help="all shipped scenes, delays and rates")]
 
-app = typer.Typer(
-    help="What the hand feels: transparency, stability limits, passivity.", no_args_is_help=True
+app = Commands(
+    "Measure what the hand feels: transparency, stability limits, passivity.",
+    "feel impedance five_bar",
+    "feel limits five_bar",
 )
 
 
-@app.command()
+@app.command("impedance", "feel impedance five_bar", "feel impedance door --delays 1,5")
 def impedance(
     scenes: AllScenes = None,
     delays: PeriodsOption = "1",
@@ -63,7 +66,7 @@ def impedance(
     carry_out(lambda show: transparency(chosen, periods, show, over), out, json_only)
 
 
-@app.command()
+@app.command("users", "feel users two_users", "feel users two_users --json")
 def users(
     scenes: Annotated[
         list[str], typer.Argument(help="scenes with several hands, shipped ones or paths")
@@ -80,7 +83,7 @@ def users(
     carry_out(lambda show: felt_by_users(loaded, show), out, json_only)
 
 
-@app.command()
+@app.command("limits", "feel limits five_bar --what z", "feel limits --all --processes 4")
 def limits(
     scenes: SampleScenes = None,
     delays: PeriodsOption = "",
@@ -113,7 +116,7 @@ def limits(
         carry_out(lambda show: measured_limits(cases, workers, show), out, json_only)
 
 
-@app.command()
+@app.command("compare", "feel compare five_bar", "feel compare door --delays 1,5")
 def compare(
     scenes: SampleScenes = None,
     delays: PeriodsOption = "1",
@@ -133,7 +136,7 @@ def compare(
         carry_out(lambda show: compare_renderings(chosen, periods, workers, show), out, json_only)
 
 
-@app.command()
+@app.command("passivity", "feel passivity five_bar", "feel passivity door --seconds 2")
 def passivity(
     scenes: AllScenes = None,
     devices: Annotated[

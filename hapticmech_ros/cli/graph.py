@@ -11,7 +11,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -26,6 +26,9 @@ from hapticmech_ros.cli.console import (
     SceneArgument,
     TransportOption,
     console,
+    errors,
+    progress_of,
+    say,
     seconds_of,
 )
 from hapticmech_ros.errors import BagError, InvalidInputError
@@ -35,6 +38,7 @@ from hapticmech_ros.system.readiness import report_ready
 from hapticmech_ros.wire.topics import DEVICE, MECHANISM
 
 if TYPE_CHECKING:
+    from hapticmech_ros.graph.lockstep import LockstepRun
     from hapticmech_ros.graph.processes import AuxiliaryProcess, Graph
 from collections.abc import Iterator
 
@@ -85,7 +89,7 @@ def show_ends(reports: Reports, endings: Reports) -> None:
     console.print(Sheet("", headings, tuple(rows), ("at the end",)))
     for name, ending in sorted(endings.items()):
         for note in _notes(ending):
-            console.print(f"{name}: {note}", highlight=False, markup=False, soft_wrap=True)
+            say(f"{name}: {note}")
 
 
 def nothing_rendered(reports: Reports, endings: Reports) -> str:
@@ -205,7 +209,11 @@ def run(
     ] = 0.0,
     transport: TransportOption = "auto",
     discovery: Annotated[
-        Discovery | None, typer.Option(help="discovery range; default: as the environment sets it")
+        Discovery | None,
+        typer.Option(
+            metavar="localhost|subnet",
+            help="range of discovery; default: as the environment sets it",
+        ),
     ] = None,
 ) -> None:
     """Start the nodes on SCENE and keep them running until Ctrl-C."""
@@ -214,9 +222,10 @@ def run(
     from hapticmech_ros.live.settings import VISER
     from hapticmech_ros.loading import load_scene
     from hapticmech_ros.system.cpu_list import available_cores
-    from hapticmech_ros.system.installation import refuse_unmet
+    from hapticmech_ros.system.installation import refuse_unmet, refuse_without_ros
     from hapticmech_ros.wire.topics import PAGE, VIEWER
 
+    refuse_without_ros(os.environ)
     if live and not lockstep:
         refuse_unmet([VISER])
     choose_discovery(os.environ, discovery)
@@ -257,10 +266,11 @@ def run(
             hold=held,
             parameters=parameters,
             arguments=arguments,
+            shown=True,
         )
-        console.print(f"running {scene} in lockstep; Ctrl-C ends it")
-        ticks = run_lockstep(plan, os.environ, stop.is_set)
-        console.print(f"{ticks} ticks, {ticks * loaded.simulation.period:g} s")
+        say(f"running {scene} in lockstep; Ctrl-C ends it")
+        ticks = in_lockstep(run_lockstep, plan, stop)
+        say(f"{ticks} ticks, {ticks * loaded.simulation.period:g} s")
         return
     given = {"control_rate": control_rate, "use_sim_time": use_sim_time}
     parameters |= {name: value for name, value in given.items() if value}
@@ -276,11 +286,11 @@ def run(
                     scene, composed, namespace, parameters, None, nodes, held, arguments, shown=True
                 )
             )
-            console.print(f"running {scene}; Ctrl-C ends it")
+            say(f"running {scene}; Ctrl-C ends it")
             if record is not None:
                 recorder = _recorder(record, storage, transport, graph)
             pages = [
-                AuxiliaryProcess(name, page, "without a page", partial(typer.echo, err=True))
+                AuxiliaryProcess(name, page, "without a page", partial(say, where=errors))
                 for name, page in graph.pages.items()
             ]
             # A line at the end of the terminal, for a person.
@@ -291,7 +301,7 @@ def run(
             while left > 0.0 and not stop.wait(min(CHECK_PERIOD_S, left)):
                 if respawn:
                     for sentence in graph.respawn():
-                        typer.echo(sentence, err=True)
+                        say(sentence, where=errors)
                 else:
                     graph.check()
                     for page in pages:
@@ -304,9 +314,9 @@ def run(
                 if up is not None and load is None and not use_sim_time:
                     load = watch.look(reports)
                     for sentence in () if load is None else load.sentences():
-                        console.print(sentence, highlight=False, markup=False, soft_wrap=True)
+                        say(sentence)
                     if load is not None and load.saturates and graph.leave_share():
-                        console.print(f"nodes run at nice {SHARING_NICE} now: others need a share")
+                        say(f"nodes run at nice {SHARING_NICE} now: others need a share")
                 if up is None and graph.is_ready():
                     up = time.monotonic()
                 if ends is None and up is not None and _receives(recorder, graph, up):
@@ -320,7 +330,7 @@ def run(
     show_ends(graph.reports(), graph.endings())
     unrendered = "" if use_sim_time else nothing_rendered(graph.reports(), graph.endings())
     if unrendered:
-        typer.echo(unrendered, err=True)
+        say(unrendered, where=errors)
     if unrendered or not whole:
         raise typer.Exit(1)
 
@@ -387,6 +397,23 @@ def stop_by_signals() -> StopEvent:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     return stop
+
+
+def in_lockstep(run: Callable[..., int], plan: LockstepRun, stop: StopEvent) -> int:
+    """Run a graph in lockstep with a bar, print how its nodes ended, and return the ticks.
+
+    Args:
+        run: ``run_lockstep`` or ``replay``.
+        plan: its settings.
+        stop: ends it.
+    """
+    ends = list[tuple[Reports, Reports]]()
+    try:
+        with progress_of("ticks") as show:
+            return run(plan, os.environ, stop.is_set, show, lambda *found: ends.append(found))
+    finally:
+        for found in ends:
+            show_ends(*found)
 
 
 def drivers_of(devices: Sequence[str], held: Sequence[str]) -> dict[str, str]:
@@ -506,7 +533,7 @@ def _recorder(record: Path, storage: str, transport: str, graph: Graph) -> Auxil
     command += ["--out", str(record), "--storage", storage, "--transport", transport]
     loss = f"the bag {record} is incomplete (hapticmech bag repair {record} may help)"
     process = start_process(command, os.environ | graph.notified)
-    return AuxiliaryProcess("the recorder", process, loss, partial(typer.echo, err=True))
+    return AuxiliaryProcess("the recorder", process, loss, partial(say, where=errors))
 
 
 def _receives(recorder: AuxiliaryProcess | None, graph: Graph, up: float) -> bool:
@@ -515,5 +542,5 @@ def _receives(recorder: AuxiliaryProcess | None, graph: Graph, up: float) -> boo
         return True
     if time.monotonic() - up < HEARS_WITHIN_S:
         return False
-    typer.echo(f"after {HEARS_WITHIN_S:g} s the recorder does not receive every topic", err=True)
+    say(f"after {HEARS_WITHIN_S:g} s the recorder does not receive every topic", where=errors)
     return True

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from hapticmech_ros.cli.console import ChangesOption, SceneArgument, console
+from hapticmech_ros.cli.console import ChangesOption, SceneArgument, say
 
 
 def live(
@@ -40,15 +40,15 @@ def live(
     loaded = load_scene(scene)
     with ExitStack() as ends:
         if is_massless(loaded) and is_massless(load_scene(scene, changes=given)):
-            console.print(f"drawn as it is written: {NO_MASS}", highlight=False, soft_wrap=True)
+            say(f"drawn as it is written: {NO_MASS}")
             shown: Backend = StillScene(Open(scene, given))
         else:
             asked = Open(scene, (*changes_of(loaded), *given))
             shown = ends.enter_context(LiveProcess(asked))
         page = LivePage(shown, scene, given, list(shipped_scenes()), host, port)
-        console.print(f"{page.address}; Ctrl-C ends it", highlight=False, soft_wrap=True)
+        say(f"{page.address}; Ctrl-C ends it")
         if not address.is_loopback:
-            console.print("anyone who can reach this address can see and drag the mechanism")
+            say("anyone who can reach this address can see and drag the mechanism")
         try:
             page.serve(stop.is_set)
         finally:

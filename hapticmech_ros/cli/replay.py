@@ -11,14 +11,16 @@ from typing import Annotated
 import typer
 
 from hapticmech_ros.cli.bag import Align, BagArgument, Storage
-from hapticmech_ros.cli.console import ComposedOption, console
+from hapticmech_ros.cli.console import ComposedOption, say
 from hapticmech_ros.cli.graph import (
     ParametersOption,
     SettingOption,
     arguments_of,
+    in_lockstep,
     settings_of,
     stop_by_signals,
 )
+from hapticmech_ros.system.installation import refuse_without_ros
 
 
 def replay(
@@ -39,9 +41,11 @@ def replay(
     composed: ComposedOption = False,
     params_file: ParametersOption = None,
     settings: SettingOption = None,
-    storage: Annotated[Storage, typer.Option("--storage", "-s", help="format")] = Storage.mcap,
+    storage: Annotated[
+        Storage, typer.Option("--storage", "-s", metavar="mcap|sqlite3")
+    ] = Storage.mcap,
     align: Annotated[
-        Align, typer.Option(help="nearest, for a session that was recorded live")
+        Align, typer.Option(help="stamp, start, or nearest, for a session that was recorded live")
     ] = Align.stamp,
     exact: Annotated[
         bool, typer.Option("--exact", help="exit code 1 if any control topic differs in a bit")
@@ -55,6 +59,7 @@ def replay(
     from hapticmech_ros.graph.lockstep import replay as run_replay
     from hapticmech_ros.wire.topics import topic_of
 
+    refuse_without_ros(os.environ)
     stop = stop_by_signals()
     run = LockstepRun(
         scene,
@@ -68,9 +73,10 @@ def replay(
         namespace=namespace,
         parameters=settings_of(settings or []),
         arguments=arguments_of(params_file),
+        shown=True,
     )
-    ticks = run_replay(run, os.environ, stop.is_set)
-    console.print(f"replayed {ticks} ticks into {out}", highlight=False)
+    ticks = in_lockstep(run_replay, run, stop)
+    say(f"replayed {ticks} ticks into {out}")
     with BagReader(out) as recorded:
         found = {name: topic_of(name) for name in recorded.topics}
     control = [name for name, topic in found.items() if topic and topic.rate == "control"]

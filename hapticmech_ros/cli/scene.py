@@ -9,14 +9,15 @@ from typing import Annotated
 
 import typer
 
-from hapticmech_ros.cli.console import ChangesOption, SceneArgument, console, errors
+from hapticmech_ros.cli.commands import Commands
+from hapticmech_ros.cli.console import ChangesOption, SceneArgument, errors, progress, say
 
-app = typer.Typer(
-    help="Scenes: check, list, show, assemble, plan, steps, copy, schema.", no_args_is_help=True
+app = Commands(
+    "List, check, draw, assemble, plan and copy scenes.", "scene list", "scene check door"
 )
 
 
-@app.command()
+@app.command("plan", "scene plan five_bar", "scene plan ur5e --json")
 def plan(
     scene: SceneArgument,
     point: Annotated[
@@ -42,7 +43,7 @@ def plan(
         show_plan(found)
 
 
-@app.command("list")
+@app.command("list", "scene list")
 def list_scenes() -> None:
     """List the scenes that come with the package."""
     from hapticmech_ros.cli.scene_tables import show_scenes
@@ -51,7 +52,7 @@ def list_scenes() -> None:
     show_scenes([(name, load_scene(path).description) for name, path in shipped_scenes().items()])
 
 
-@app.command()
+@app.command("check", "scene check door", "scene check examples/pantograph.urdf")
 def check(
     scene: SceneArgument,
     json_only: Annotated[
@@ -85,7 +86,7 @@ def check(
         show_check(found, left)
 
 
-@app.command()
+@app.command("steps", "scene steps two_link", "scene steps five_bar --error 1e-5 --out fast.yaml")
 def steps(
     scene: SceneArgument,
     error: Annotated[
@@ -111,8 +112,14 @@ def steps(
     from hapticmech_ros.plan.step_accuracy import step_choices
 
     loaded = load_scene(scene, changes=changes or ())
-    with errors.status("steps") as status:
-        found = step_choices(loaded, error, time.process_time, status.update)
+    with progress() as bar:
+        task = bar.add_task("", total=1.0)
+        found = step_choices(
+            loaded,
+            error,
+            time.process_time,
+            lambda what, share: bar.update(task, description=what, completed=share),
+        )
     if json_only:
         print(json.dumps(plain(found), allow_nan=False))
     else:
@@ -124,10 +131,10 @@ def steps(
         chosen = [f"simulation.{key}={value}" for key, value in keys.items()]
         copy_scene(scene, out, [*(changes or ()), *chosen])
         if not json_only:
-            console.print(f"{out}", highlight=False, markup=False, soft_wrap=True)
+            say(out)
 
 
-@app.command()
+@app.command("show", "scene show door", "scene show examples/pantograph.yaml --out pantograph.png")
 def show(
     scene: SceneArgument,
     out: Annotated[
@@ -153,16 +160,16 @@ def show(
     path = Path(f"{loaded.name}.png") if out is None else out
     besides, unreadable = readable([one.shape for one in drawn_shapes(find_scene(scene))])
     for error in unreadable:
-        console.print(f"not drawn: {error}", highlight=False, markup=False, soft_wrap=True)
+        say(f"not drawn: {error}")
     try:
         draw_scene(loaded, path, point, pixels, besides)
     except ClosureError:
-        console.print(f"as written: {path}", highlight=False, markup=False, soft_wrap=True)
+        say(f"as written: {path}")
         raise
-    console.print(f"{path}", highlight=False, markup=False, soft_wrap=True)
+    say(path)
 
 
-@app.command()
+@app.command("assemble", "scene assemble five_bar", "scene assemble bricard --picture closed.png")
 def assemble(
     scene: SceneArgument,
     out: Annotated[
@@ -178,7 +185,6 @@ def assemble(
     changes: ChangesOption = None,
 ) -> None:
     """Find configurations in which the loops of SCENE are closed."""
-    from hapticmech_ros.cli.console import progress
     from hapticmech_ros.cli.scene_tables import show_assemblies
     from hapticmech_ros.loading import load_scene
     from hapticmech_ros.loading.loader import copy_scene
@@ -200,16 +206,16 @@ def assemble(
         from hapticmech_ros.view.still import draw_configuration
 
         draw_configuration(loaded, found.open_q, picture)
-        console.print(f"{picture}", highlight=False, markup=False, soft_wrap=True)
+        say(picture)
     if not found.found:
         raise typer.Exit(1)
     if out is not None:
         start = initial_state(loaded, found.found[0].q)
         copy_scene(scene, out, [*(changes or ()), f"initial_state={start}"])
-        console.print(f"{out}", highlight=False, markup=False, soft_wrap=True)
+        say(out)
 
 
-@app.command()
+@app.command("copy", "scene copy five_bar mine.yaml", "scene copy ur5e mine.yaml --expanded")
 def copy(
     scene: SceneArgument,
     out: Annotated[Path, typer.Argument(help="YAML file to make")],
@@ -222,10 +228,10 @@ def copy(
     from hapticmech_ros.loading.loader import copy_scene
 
     copy_scene(scene, out, changes or (), expanded)
-    console.print(f"{out}", highlight=False, markup=False, soft_wrap=True)
+    say(out)
 
 
-@app.command()
+@app.command("schema", "scene schema", "scene schema --markdown")
 def schema(
     markdown: Annotated[
         bool, typer.Option("--markdown", help="every key as tables, as in docs/scene-keys.md")

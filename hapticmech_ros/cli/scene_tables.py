@@ -5,19 +5,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
-from rich.box import SIMPLE_HEAD
-from rich.console import JustifyMethod
 from rich.markup import escape
 from rich.table import Table
 
-from hapticmech_ros.cli.console import console
-from hapticmech_ros.formats import LeftOut
-from hapticmech_ros.mechanism.tolerances import NEAR_SINGULAR
-from hapticmech_ros.offline.assembly_search import AssemblySearch, LoopResidual, initial_state
-from hapticmech_ros.plan.scene_plan import ClosurePlan, SceneCheck, ScenePlan
-from hapticmech_ros.plan.step_accuracy import StepAccuracy, StepChoices
-from hapticmech_ros.scene import Scene
+from hapticmech_ros.analysis.study import Marked, Sheet
+from hapticmech_ros.cli.console import WIDEST_NAME, console, say
+
+if TYPE_CHECKING:
+    from hapticmech_ros.formats import LeftOut
+    from hapticmech_ros.offline.assembly_search import AssemblySearch, LoopResidual
+    from hapticmech_ros.plan.scene_plan import ClosurePlan, SceneCheck, ScenePlan
+    from hapticmech_ros.plan.step_accuracy import StepAccuracy, StepChoices
+    from hapticmech_ros.scene import Scene
 
 SHAPES_SHOWN = 60
 ASSEMBLIES_SHOWN = 5
@@ -27,7 +28,7 @@ NUMBERS = {"rows", "bytes"}
 def show_plan(plan: ScenePlan) -> None:
     """Print a plan."""
     for name, text in _lines(plan):
-        console.print(f"{name:<22} {text}", highlight=False, markup=False, soft_wrap=True)
+        say(f"{name:<22} {text}", hang=23)
     if plan.closures:
         console.print(_closures(plan.closures))
     console.print(_arrays(plan))
@@ -49,7 +50,7 @@ def show_steps(found: StepChoices) -> None:
     best, rows = found.best, list[tuple[str, ...]]()
     for one in found.tried:
         if one.failed:
-            rows.append((one.integrator, str(one.substeps), "-", "-", escape(one.failed)))
+            rows.append((one.integrator, str(one.substeps), "-", "-", one.failed))
             continue
         enough = "" if one.error_m <= found.wanted_m else "not accurate enough"
         words = "least time" if one is best else enough
@@ -60,7 +61,7 @@ def show_steps(found: StepChoices) -> None:
     if best is not None:
         settings = f"integrator={best.integrator}", f"substeps={best.substeps}"
         text = " ".join(f"--set simulation.{setting}" for setting in settings)
-        console.print(text, highlight=False, markup=False, soft_wrap=True)
+        say(text)
 
 
 def show_check(check: SceneCheck, left: LeftOut) -> None:
@@ -74,36 +75,41 @@ def show_check(check: SceneCheck, left: LeftOut) -> None:
     if check.fitted:
         lines["fitted loops"] = check.fitted
     for name, text in lines.items():
-        console.print(f"{name:<20} {text}", highlight=False, markup=False, soft_wrap=True)
+        say(f"{name:<20} {text}", hang=21)
     if check.closures:
         closures = [map(str, closure) for closure in check.closures]
         console.print(_table("closures", ("name", "kind", "rows", "independent"), closures))
     points = []
     for point in check.points:
         felt = "-" if point.mass_kg is None else f"{point.mass_kg[0]:.3g} to {point.mass_kg[1]:.3g}"
-        margin = f"{point.loop.periods} periods" if point.loop.periods >= 0 else "[yellow]none[/]"
+        margin = (
+            f"{point.loop.periods} periods" if point.loop.periods >= 0 else Marked("none", "yellow")
+        )
         points.append((point.name, point.link, str(point.rank), str(point.count), felt, margin))
     columns = ("name", "link", "free", "blocked", "felt mass, kg", "delay margin")
     title = "operational points at the start: free and blocked directions"
     console.print(_table(title, columns, points))
     for name, text in _accuracy(check.accuracy):
-        console.print(f"{name:<20} {text}", highlight=False, markup=False, soft_wrap=True)
+        say(f"{name:<20} {text}", hang=21)
     changing = [note for note in left.notes if note.rank < 2]
     for note in changing:
-        console.print(f"model file: {note}", highlight=False, markup=False, soft_wrap=True)
+        say(f"model file: {note}")
     for warning in check.warnings:
-        console.print(f"[yellow]warning:[/] {escape(warning)}", highlight=False, soft_wrap=True)
+        say(f"warning: {warning}", "yellow")
     for note in left.notes[len(changing) :]:
-        console.print(f"not used: {note}", highlight=False, markup=False, soft_wrap=True)
+        say(f"not used: {note}")
     if left.shapes:
         more = len(left.shapes) - SHAPES_SHOWN
         rest = f" and {more} more, which --json lists" if more > 0 else ""
         text = f"shapes of the model: {', '.join(left.shapes[:SHAPES_SHOWN])}{rest}"
-        console.print(text, highlight=False, markup=False, soft_wrap=True)
+        say(text)
 
 
 def show_assemblies(scene: Scene, found: AssemblySearch) -> None:
     """Print how far loops are open as written, and the configurations that close them."""
+    from hapticmech_ros.mechanism.tolerances import NEAR_SINGULAR
+    from hapticmech_ros.offline.assembly_search import initial_state
+
     loops = [
         (written.name, written.kind, _open_by(written), _open_by(best))
         for written, best in zip(found.written, found.residuals, strict=True)
@@ -111,23 +117,22 @@ def show_assemblies(scene: Scene, found: AssemblySearch) -> None:
     console.print(_table("loops", ("name", "kind", "open as written", "at best"), loops))
     tried = f"{found.closed} of {found.starts} starts closed"
     if not found.found:
-        console.print(
-            f"[red]no configuration closes all loops[/]: {tried}. Check lengths and frames of the "
-            "loops that are open at best, or try more --starts",
-            highlight=False,
-            soft_wrap=True,
+        say(
+            f"no configuration closes all loops: {tried}. Check lengths and frames of the loops "
+            "that are open at best, or try more --starts",
+            "red",
         )
         return
-    console.print(f"{tried}; the nearest to the start as written first:", highlight=False)
+    say(f"{tried}; the nearest to the start as written first:")
     for one in found.found[:ASSEMBLIES_SHOWN]:
         notes = [f"joints moved by up to {one.moved:.3g} (rad, or m per length)"]
         if one.beyond:
             notes.append(f"beyond their stops: {', '.join(one.beyond)}")
         if one.least < NEAR_SINGULAR:
             notes.append(f"next to a singular position: relative σ {one.least:.1e}")
-        console.print(f"- {'; '.join(notes)}", highlight=False, markup=False, soft_wrap=True)
+        say(f"- {'; '.join(notes)}")
     text = f"initial_state: {initial_state(scene, found.found[0].q)}"
-    console.print(text, highlight=False, markup=False, soft_wrap=True)
+    say(text)
 
 
 def _open_by(loop: LoopResidual) -> str:
@@ -187,7 +192,7 @@ def _counted(numbers: Mapping[str, int]) -> str:
     return ", ".join(f"{number} {name}" for name, number in numbers.items() if number)
 
 
-def _closures(closures: tuple[ClosurePlan, ...]) -> Table:
+def _closures(closures: tuple[ClosurePlan, ...]) -> Sheet:
     return _table(
         "closures",
         ("name", "kind", "rows", "at the start", "redundant rows"),
@@ -197,16 +202,16 @@ def _closures(closures: tuple[ClosurePlan, ...]) -> Table:
                 one.kind,
                 str(one.rows),
                 "active" if one.active else "open, can latch" if one.can_latch else "open",
-                escape(", ".join(one.redundant) or "-"),
+                ", ".join(one.redundant) or "-",
             )
             for one in closures
         ],
     )
 
 
-def _arrays(plan: ScenePlan) -> Table:
+def _arrays(plan: ScenePlan) -> Sheet:
     rows = [
-        (escape(array.name), " × ".join(map(str, array.shape)), str(array.size_bytes))
+        (array.name, " × ".join(map(str, array.shape)), str(array.size_bytes))
         for array in plan.arrays
     ]
     total = sum(array.size_bytes for array in plan.arrays)
@@ -214,11 +219,6 @@ def _arrays(plan: ScenePlan) -> Table:
     return _table("arrays of a tick", ("array", "shape", "bytes"), rows)
 
 
-def _table(title: str, columns: Sequence[str], rows: Iterable[Iterable[str]]) -> Table:
-    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD)
-    for column in columns:
-        justify: JustifyMethod = "right" if column in NUMBERS else "left"
-        table.add_column(column, justify=justify, overflow="fold")
-    for row in rows:
-        table.add_row(*row)
-    return table
+def _table(title: str, columns: Sequence[str], rows: Iterable[Iterable[str]]) -> Sheet:
+    words = tuple(column for column in columns if column not in NUMBERS)
+    return Sheet(title, tuple(columns), tuple(map(tuple, rows)), words, kept=WIDEST_NAME)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
@@ -25,7 +26,8 @@ from hapticmech_ros.cli.console import (
     OutOption,
     PointOption,
     SceneArgument,
-    progress,
+    progress_of,
+    say,
 )
 
 
@@ -56,18 +58,8 @@ def study(
     from hapticmech_ros.study import Design, Variation, run_study
 
     design = Design(tuple(map(Variation.read, vary)), samples, seed)
-    with workers_of(processes, cluster) as workers, progress(errors) as bar:
-        task = bar.add_task("measuring", total=len(design))
-        found = run_study(
-            scene,
-            design,
-            words(measure),
-            point,
-            changes or (),
-            out,
-            workers,
-            lambda done, total: bar.update(task, completed=done, total=total),
-        )
+    with workers_of(processes, cluster) as workers, progress_of("measuring") as show:
+        found = run_study(scene, design, words(measure), point, changes or (), out, workers, show)
     found.write(out)
     report(found, out, json_only)
 
@@ -112,8 +104,7 @@ def carry_out(
         typer.Exit: with 1, where the results are not sound.
     """
     # Lines, not a bar: nothing of this process shall run while something is measured.
-    output = errors if json_only else console
-    results = run(lambda line: output.print(line, highlight=False, markup=False, soft_wrap=True))
+    results = run(partial(say, where=errors if json_only else console))
     results.write(out, figure)
     report(results, out, json_only)
 
@@ -137,9 +128,9 @@ def report(results: Results, out: Path, json_only: bool) -> None:
         for sheet in results.sheets():
             console.print(sheet)
         for line in (*results.notes(), f"results: {out.resolve()}"):
-            console.print(line, highlight=False, markup=False, soft_wrap=True)
+            say(line)
     if not results.sound:
-        errors.print(results.FAULT, style="red")
+        say(results.FAULT, "red", errors)
         raise typer.Exit(1)
 
 

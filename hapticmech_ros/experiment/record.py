@@ -28,7 +28,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.bag.metadata import losses_of, read_metadata
 from hapticmech_ros.device.hand import grasp_schedule_of
-from hapticmech_ros.errors import BagError, InvalidInputError
+from hapticmech_ros.errors import BagError, InvalidInputError, listed
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.numerics import Array
@@ -102,7 +102,7 @@ class SharedRecord:
             InvalidInputError: no user holds the point.
         """
         if point not in self.users:
-            rule = f"must be one of {list(self.points)}"
+            rule = f"must be one of {listed(self.points)}"
             raise InvalidInputError("point", point, rule)
         rows = self.coupling[:, self.points.index(point)]
         return np.asarray(np.einsum("kjab,kjb->kja", rows, self.wrenches))

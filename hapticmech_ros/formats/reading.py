@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import pinocchio as pin
 from pydantic import ValidationError
 
-from hapticmech_ros.errors import SceneError, SceneProblem, nearest, scene_error
+from hapticmech_ros.errors import SceneError, SceneProblem, listed, nearest, scene_error
 from hapticmech_ros.formats.mjcf import read_mjcf
 from hapticmech_ros.formats.mjcf_compiled import open_includes
 from hapticmech_ros.formats.model import WORLD, Document, Imported, Model, Note, Rgba, origin_of
@@ -66,7 +66,7 @@ def read_model(path: Path, free_base: bool = False, name: str = "") -> Imported:
     source = Source(path)
     reader = READERS.get(source.root.tag)
     if reader is None:
-        rule = f"must be one of {sorted(READERS)}: URDF, MJCF or SDF"
+        rule = f"must be one of {listed(sorted(READERS))}: URDF, MJCF or SDF"
         raise source.error(source.root, source.root.tag, rule)
     if reader is read_mjcf:
         open_includes(source)
@@ -271,7 +271,9 @@ def _begin_at_keyframe(own: Document, imported: Imported, source: str) -> None:
         return
     name = state["keyframe"]
     if not isinstance(name, str) or name not in imported.keyframes:
-        rule = f"must be one of the model's keyframes, {sorted(imported.keyframes)}"
+        rule = (
+            f"must be one of the model's keyframes, {listed(map(repr, sorted(imported.keyframes)))}"
+        )
         rule += nearest(name, imported.keyframes)
         raise scene_error(source, "initial_state.keyframe", name, rule)
     rest = {key: value for key, value in state.items() if key != "keyframe"}
@@ -355,7 +357,8 @@ def _refuse_unknown(part: ModelPart, imported: Imported, source: Path) -> None:
             name,
             f"joint {name!r} {imported.absent[name]}"
             if name in imported.absent
-            else f"must be one of {sorted(imported.joints)}{nearest(name, imported.joints)}",
+            else f"must be one of {listed(sorted(imported.joints))}"
+            f"{nearest(name, imported.joints)}",
         )
         for name in part.joints
         if name not in known

@@ -15,6 +15,7 @@ from functools import partial
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.errors import listed
 from hapticmech_ros.formats import loops
 from hapticmech_ros.formats.loops import BALL, ball_constraint, left_open
 from hapticmech_ros.formats.model import (
@@ -106,11 +107,14 @@ def read_sdf(source: Source, name: str = "") -> Model:
     if name:
         models = [model for model in models if model.attributes.get("name", "") == name]
         if len(models) != 1:
-            raise source.error(source.root, name, f"must name one of the models, {sorted(names)}")
+            raise source.error(
+                source.root, name, f"must name one of the models, {listed(sorted(names))}"
+            )
     if len(models) > 1:
         models = [model for model in models if not _is_static(model)] or models
     if len(models) != 1:
-        rule = f"needs one <model>, or model: {{file, name}} in a scene that names one of {names}"
+        rule = "needs one <model>, or model: {file, name} in a scene that names one of "
+        rule += listed(names)
         raise source.error(source.root, len(models), rule)
     gravity = world.first("gravity") if world is not None else None
     vector = None
@@ -272,7 +276,7 @@ class _Reader:
             return 0.0
         said = gravity.text.strip()
         if said not in FLAGS:
-            raise self.source.error(gravity, said, f"must be one of {sorted(FLAGS)}")
+            raise self.source.error(gravity, said, f"must be one of {listed(sorted(FLAGS))}")
         return float(not FLAGS[said])
 
     def _number(
@@ -291,7 +295,7 @@ class _Reader:
     def _hinge(self, joint: Node, bodies: Mapping[str, Body]) -> Joint:
         name, kind = self.source.text(joint, "name"), self.source.text(joint, "type")
         if kind not in JOINT_TYPES:
-            rule = f"type must be one of {sorted(JOINT_TYPES)}"
+            rule = f"type must be one of {listed(sorted(JOINT_TYPES))}"
             raise self.source.error(joint, kind, rule)
         more = {"screw": {PITCH, OLD_PITCH}, **{key: {"axis2"} for key in UNIVERSAL}}
         known = JOINT_KNOWN | more.get(kind, set())

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.polynomial import Polynomial
 
-from hapticmech_ros.errors import nearest, scene_error
+from hapticmech_ros.errors import listed, nearest, scene_error
 from hapticmech_ros.formats.cuts import (
     CARRIED,
     LOOP_JOINTS,
@@ -74,7 +74,7 @@ RATE_LIMIT = 200
 NO_LIMIT = 1e15
 NO_CUT = (
     f"closes a loop, but only these types can, and no joint of the loop is one: "
-    f"{sorted(LOOP_JOINTS)}; split a link of the loop in two, joined by a fixed joint"
+    f"{listed(sorted(LOOP_JOINTS))}; split a link of the loop in two, joined by a fixed joint"
 )
 NO_SENSE = "they are not used: write springs and dampers in a scene file"
 NO_POSITION = "it has no coordinate, so it cannot be coupled or given a start"

@@ -16,7 +16,7 @@ from functools import partial
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.errors import nearest
+from hapticmech_ros.errors import listed, nearest
 from hapticmech_ros.formats import loops
 from hapticmech_ros.formats.cuts import reversed_joint
 from hapticmech_ros.formats.loops import BALL, ball_constraint, left_open
@@ -129,7 +129,7 @@ class GazeboTags:
         said = (part.attributes.get("value") or part.text).strip()
         if part.tag in GRAVITY and name in self.bodies:
             if said.lower() not in FLAGS:
-                raise source.error(part, said, f"must be one of {sorted(FLAGS)}")
+                raise source.error(part, said, f"must be one of {listed(sorted(FLAGS))}")
             acts = FLAGS[said.lower()] == GRAVITY[part.tag]
             self.bodies[name] = replace(self.bodies[name], gravcomp=float(not acts))
             return True
@@ -385,7 +385,7 @@ def _body(source: Source, node: Node, notes: Counter[str]) -> Body:
 def _hinge(source: Source, node: Node, notes: Counter[str]) -> Joint:
     name, kind = source.text(node, "name"), source.text(node, "type")
     if kind not in JOINT_TYPES:
-        raise source.error(node, kind, f"type must be one of {sorted(JOINT_TYPES)}")
+        raise source.error(node, kind, f"type must be one of {listed(sorted(JOINT_TYPES))}")
     known = {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic"}
     notes.update(part.tag for part in node.children if part.tag not in known)
     parent, child = (_link_of(source, node, end) for end in ("parent", "child"))

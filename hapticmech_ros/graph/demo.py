@@ -8,6 +8,7 @@ import shutil
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -132,13 +133,11 @@ def _results(
         shared = shared_record_from_bag(bag, scene, duration=seconds)
         users = {name: replace(one, lockstep=run.lockstep) for name, one in shared.users.items()}
         shared = replace(shared, users=users)
-        show("simulating the same without ROS", None)
-        both = run_shared_session(scene, seconds)
+        both = run_shared_session(scene, seconds, partial(show, "simulating the same without ROS"))
         show("drawing", None)
         return write_shared_results(shared, scene, out, health, both)
     record = replace(record_from_bag(bag, scene, duration=seconds), lockstep=run.lockstep)
-    show("simulating the same without ROS", None)
-    reference = run_session(scene, seconds)
+    reference = run_session(scene, seconds, partial(show, "simulating the same without ROS"))
     show("drawing", None)
     return write_results(record, scene, out, health, reference)
 
@@ -325,9 +324,8 @@ def record_in_lockstep(
         shown=True,
     )
 
-    def progress(ticks: int) -> None:
-        done = ticks * scene.simulation.period / run.duration
-        show("pushing and recording in lockstep", min(1.0, done))
+    def progress(ticks: int, every: int) -> None:
+        show("pushing and recording in lockstep", min(1.0, ticks / every))
 
     show("starting the graph in lockstep", None)
     run_lockstep(run, private_environment(), lambda: False, progress)

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -21,15 +22,21 @@ from hapticmech_ros.errors import BagError, HapticMechError, InvalidInputError
 from hapticmech_ros.graph.processes import Graph, events_of, start_process, stop_process
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.system.readiness import Report
 from hapticmech_ros.wire.topics import DEVICE_STATE, DIAGNOSTICS, check_feeds, users_of
 
 
 def replay(
-    run: LockstepRun, environment: Mapping[str, str], asked_to_stop: Callable[[], bool]
+    run: LockstepRun,
+    environment: Mapping[str, str],
+    asked_to_stop: Callable[[], bool],
+    progress: Callable[[int, int], None] = lambda ticks, every: None,
+    ended: Callable[[Reports, Reports], object] = lambda reports, endings: None,
 ) -> int:
     """Run a replay; return the number of ticks.
 
     An empty scene stands for the recorded one, an empty namespace for that of the recorded device.
+    Arguments as for :func:`run_lockstep`.
 
     Raises:
         BagError: there is no bag, it has no device or scene, or topics under former names, or its
@@ -46,7 +53,8 @@ def replay(
             rule = f"its scene has the hands {', '.join(held)}, and a replay feeds one alone"
             raise BagError(f"bag {bag.path}: {rule}")
         namespace = run.namespace or _namespace(bag)
-    return run_lockstep(replace(run, scene=scene, namespace=namespace), environment, asked_to_stop)
+    found = replace(run, scene=scene, namespace=namespace)
+    return run_lockstep(found, environment, asked_to_stop, progress, ended)
 
 
 def _namespace(bag: BagReader) -> str:
@@ -76,6 +84,7 @@ def _found(scene: str, bag: Path) -> str:
 
 
 CLOCK = "hapticmech_ros.nodes.lockstep_clock"
+Reports = Mapping[str, Report]
 
 
 class LockstepError(HapticMechError):
@@ -121,7 +130,8 @@ def run_lockstep(
     run: LockstepRun,
     environment: Mapping[str, str],
     asked_to_stop: Callable[[], bool],
-    progress: Callable[[int], None] = lambda ticks: None,
+    progress: Callable[[int, int], None] = lambda ticks, every: None,
+    ended: Callable[[Reports, Reports], object] = lambda reports, endings: None,
 ) -> int:
     """Run to the end, or until stopped; return the number of ticks.
 
@@ -129,7 +139,8 @@ def run_lockstep(
         run: the settings.
         environment: of the processes.
         asked_to_stop: returns whether to stop; called with each event of the clock.
-        progress: called with the number of ticks so far.
+        progress: called with the number of ticks so far, and of all; 0 if it runs until stopped.
+        ended: called with the nodes' last reports and their final ones, by name.
 
     Raises:
         SceneError: the scene does not exist, or is not valid.
@@ -152,15 +163,18 @@ def run_lockstep(
         run.arguments,
         shown=run.shown,
     )
-    with graph:
+    with ExitStack() as ends:
+        ends.callback(lambda: ended(graph.reports(), graph.endings()))
+        ends.enter_context(graph)
         clock = start_process(_clock_command(run), environment, pipe_output=True)
         try:
             for event in events_of(clock):
                 if event["event"] == "done":
                     return int(event["ticks"])
                 graph.check()
+                graph.reports()  # makes room for those that follow
                 if event["event"] == "progress":
-                    progress(int(event["ticks"]))
+                    progress(int(event["ticks"]), int(event["every"]))
                 if event["event"] == "failed":
                     raise LockstepError(f"lockstep: {event['reason']}")
                 if asked_to_stop():

@@ -29,7 +29,7 @@ from hapticmech_ros.compilation.library import compile_ahead
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.system.discovery import choose_discovery
-from hapticmech_ros.system.installation import refuse_middleware
+from hapticmech_ros.system.installation import refuse_without_ros
 from hapticmech_ros.system.readiness import ADDRESS, SHOWN, Readiness, Report
 from hapticmech_ros.wire.topics import PAGE, VIEWER
 
@@ -500,11 +500,11 @@ def start_process(
     ROS discovers it on this machine only, unless the environment sets a wider range.
 
     Raises:
-        HapticMechError: the environment selects a middleware that is not installed.
+        HapticMechError: there is no rclpy, or not the middleware that the environment selects.
     """
     chosen = dict(environment)
     choose_discovery(chosen)
-    refuse_middleware(chosen)
+    refuse_without_ros(chosen)
     return subprocess.Popen(
         list(command),
         env=chosen,

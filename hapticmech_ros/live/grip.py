@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import InvalidInputError, listed
 from hapticmech_ros.live.commands import Command, Drag, Draggable, DragState, Release
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.numerics import Array
@@ -398,7 +398,7 @@ class Dragging:
     def _spring(self, body: Draggable) -> DragSpring:
         """Return a body's spring; for a link, with the limits of the first user's device."""
         if body.kind == "hand" and body.name not in self._users:
-            raise InvalidInputError("hand", body.name, f"must be one of {list(self._users)}")
+            raise InvalidInputError("hand", body.name, f"must be one of {listed(self._users)}")
         scene = self._scene.held_at(body.name if body.kind == "hand" else self._users[0])
         if body.kind == "link":
             self._mechanism.link_place(body.name)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from hapticmech_ros.errors import scene_error
+from hapticmech_ros.errors import listed, scene_error
 from hapticmech_ros.files import is_file, shared
 from hapticmech_ros.scene.linkage import with_linkage
 from hapticmech_ros.scene.scene import Scene, scene_from_document
@@ -203,7 +203,7 @@ def find_scene(scene: str | os.PathLike[str]) -> Path:
     shipped = shipped_scenes()
     if str(scene) in shipped:
         return shipped[str(scene)]
-    rule = f"no such file, nor a shipped scene; shipped: {sorted(shipped)}"
+    rule = f"no such file, nor a shipped scene; shipped: {listed(sorted(shipped))}"
     raise scene_error(str(scene), "scene", str(scene), rule)
 
 

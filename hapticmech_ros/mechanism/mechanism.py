@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.errors import HapticMechError, InvalidInputError, listed
 from hapticmech_ros.mechanism.closures import (
     WORLD_AXES,
     Active,
@@ -270,7 +270,7 @@ class Mechanism:
             InvalidInputError: no such link.
         """
         if link not in self.tree.link_joint:
-            raise InvalidInputError("link", link, f"must be one of {list(self.tree.link_joint)}")
+            raise InvalidInputError("link", link, f"must be one of {listed(self.tree.link_joint)}")
         return self.tree.link_joint[link]
 
     def link_jacobian(self, q: Array, link: str) -> Array:
@@ -308,7 +308,7 @@ class Mechanism:
         point = frame.removesuffix("_world")
         if point not in self.point_names:
             known = [*self.tree.link_joint, *self.point_names]
-            raise InvalidInputError("frame", frame, f"must be one of {known}")
+            raise InvalidInputError("frame", frame, f"must be one of {listed(known)}")
         pose = self.data.oMf[self._point_frames[self.point_names.index(point)]].copy()
         return pose if frame == point else pin.SE3(np.eye(3), pose.translation)
 
@@ -383,7 +383,7 @@ class Mechanism:
         """
         names = self.tree.joint_names
         if name not in names:
-            raise InvalidInputError("joint", name, f"must be one of {list(names)}")
+            raise InvalidInputError("joint", name, f"must be one of {listed(names)}")
         index = names.index(name)
         return self.tree.position_slice(index), self.tree.velocity_slice(index)
 
@@ -407,7 +407,7 @@ class Mechanism:
         """
         names = [closure.name for closure in self.closures]
         if name not in names:
-            raise InvalidInputError("closure", name, f"must be one of {names}")
+            raise InvalidInputError("closure", name, f"must be one of {listed(names)}")
         return names.index(name)
 
     def check_state(self, q: Array, v: Array) -> tuple[Array, Array]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import gc
 import importlib
-import importlib.util
 import os
 import sys
 from collections.abc import Sequence
@@ -17,7 +16,7 @@ from collections.abc import Sequence
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.nodes.realtime import QuickStart
 from hapticmech_ros.system.discovery import choose_discovery
-from hapticmech_ros.system.installation import OF_COMMANDS, refuse_middleware, refuse_unmet
+from hapticmech_ros.system.installation import OF_COMMANDS, refuse_unmet, refuse_without_ros
 from hapticmech_ros.wire.topics import DEVICE, FOLLOWER, HAPLY, PAGE, RELAY, ROBOT, VIEWER
 
 NODES = {
@@ -46,9 +45,6 @@ SCENE is the name of a shipped scene ({scenes})
 or a YAML file. Topics, parameters and their meaning: docs/topics.md and
 `ros2 param describe /{name} NAME`.
 """
-NO_RCLPY = """{name}: rclpy cannot be imported.
-Source a ROS 2 Jazzy installation, or install ROS 2 from PyPI: pip install 'hapticmech_ros[ros]'
-"""
 
 
 def start(names: Sequence[str], arguments: Sequence[str] | None = None) -> int:
@@ -62,12 +58,9 @@ def start(names: Sequence[str], arguments: Sequence[str] | None = None) -> int:
         scenes = ", ".join(shipped_scenes())
         print(USAGE.format(name=title, purpose=purpose, scenes=scenes))
         return 0
-    if importlib.util.find_spec("rclpy") is None:
-        sys.stderr.write(NO_RCLPY.format(name=title))
-        return 1
     try:
         refuse_unmet(without=OF_COMMANDS)
-        refuse_middleware(os.environ)
+        refuse_without_ros(os.environ)
     except HapticMechError as error:
         sys.stderr.write(f"{title}: {error}\n")
         return 1

@@ -363,7 +363,7 @@ def _pace(
         wait_for_messages(executor, RETELL_PERIOD_S, until=node.completed)
         if time.monotonic() - reported > PROGRESS_PERIOD_S:
             reported = time.monotonic()
-            write_progress("progress", ticks=node.ticks)
+            write_progress("progress", ticks=node.ticks, every=ticks)
         if not node.completed.done():
             node.retell()
             if time.monotonic() - node.last_received_s > stall_timeout_s:

@@ -17,7 +17,7 @@ from std_srvs.srv import SetBool
 
 from hapticmech_ros.device.real_device import MOST_BUTTONS
 from hapticmech_ros.device.state import NO_WRENCH
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import InvalidInputError, listed
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import flat_grasp, flat_grasps, grasp_posed
 from hapticmech_ros.mechanism.constraint_space import PointKinematics
@@ -242,7 +242,7 @@ def closure_button(given: str, names: Sequence[str]) -> tuple[str, int] | None:
         return None
     name, _, number = given.strip().rpartition(" ")
     if name not in names or not number.isdecimal() or not 0 < int(number) <= MOST_BUTTONS:
-        rule = f"must be one of {list(names)}, and a number from 1 to {MOST_BUTTONS}"
+        rule = f"must be one of {listed(names)}, and a number from 1 to {MOST_BUTTONS}"
         raise InvalidInputError("closure_button", given, rule)
     return name, int(number)
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.errors import HapticMechError, InvalidInputError, listed
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.messages import (
     LATCHED,
@@ -108,7 +108,7 @@ class OperatingState:
             given = deserialized(message, self._command_type)
             word = (given.data if self._is_text else given.string).strip().lower()
             if word not in COMMANDS:
-                raise InvalidInputError("state_command", word, f"must be one of {list(COMMANDS)}")
+                raise InvalidInputError("state_command", word, f"must be one of {listed(COMMANDS)}")
             getattr(self, f"_{word}")()
         except HapticMechError as error:
             self._actor.node.refuse(self._name, error)

@@ -217,7 +217,7 @@ def step_choices(
     scene: Scene,
     wanted_m: float,
     clock: Callable[[], float],
-    show: Callable[[str], None] = lambda text: None,
+    show: Callable[[str, float], None] = lambda text, share: None,
 ) -> StepChoices:
     """Try every integrator on a scene's experiment, in 1, 2, 4, ... steps of a period.
 
@@ -225,7 +225,7 @@ def step_choices(
         scene: whose experiment; its period is kept.
         wanted_m: largest error of the operational point, m.
         clock: CPU time, s.
-        show: called with the setting being tried.
+        show: called with the setting being tried, and the share of all that is done.
 
     Returns:
         Errors and times of all, with the number of steps that each needs.
@@ -237,21 +237,22 @@ def step_choices(
     """
     if not 0.0 < wanted_m < np.inf:
         raise InvalidInputError("error", wanted_m, "must be above 0 m")
-    show("reference")
-    found = [
-        experiment_run(scene.stepped(integrator=integrator, substeps=substeps))[0]
-        for integrator, substeps in REFERENCES
-    ]
+    names = get_args(IntegratorName)
+    parts = len(REFERENCES) + len(names)
+    found = list[Runs]()
+    for part, (integrator, substeps) in enumerate(REFERENCES):
+        show(f"reference: {integrator}, {substeps} substeps", part / parts)
+        found.append(experiment_run(scene.stepped(integrator=integrator, substeps=substeps))[0])
     length = Simulator(scene).mechanism.length
     reference, between = found[0], _error(found[0], found[1], length)
     if not between <= KNOWN * wanted_m:
         rule = f"must be at least {1.0 / KNOWN:g} times what references differ by, {between:.1e} m"
         raise InvalidInputError("error", wanted_m, rule)
     tried = []
-    for integrator in get_args(IntegratorName):
+    for part, integrator in enumerate(names, start=len(REFERENCES)):
         substeps = 1
         while True:
-            show(f"{integrator}, {substeps}")
+            show(f"{integrator}, {substeps} substeps", part / parts)
             one = _tried(scene, integrator, substeps, reference, length, clock)
             if one.error_m <= wanted_m or 2 * substeps > MOST_SUBSTEPS:
                 break

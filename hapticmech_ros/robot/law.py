@@ -114,7 +114,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.control.clutch import pose_error
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import InvalidInputError, listed
 from hapticmech_ros.mechanism import Mechanism, PointKinematics
 from hapticmech_ros.mechanism.inertia import dtrsm, dtrsv
 from hapticmech_ros.mechanism.model import authored_state
@@ -605,7 +605,7 @@ class OperationalLaw:
     ) -> None:
         others = sorted(set(mechanism.tree.joint_types) - set(_DRIVEN))
         if others:
-            raise InvalidInputError("robot", others, f"must have joints of {list(_DRIVEN)} only")
+            raise InvalidInputError("robot", others, f"must have joints of {listed(_DRIVEN)} only")
         if mechanism.closures:
             names = [closure.name for closure in mechanism.closures]
             raise InvalidInputError("robot", names, "must have no closures: a serial robot")

@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from hapticmech_ros.errors import listed
 from hapticmech_ros.files import shared
 from hapticmech_ros.files.yaml_text import read_yaml
 from hapticmech_ros.scene.part import (
@@ -268,5 +269,5 @@ class Device(Part):
     def _known(cls, preset: str | None) -> str | None:
         known = sorted(device_presets())
         if preset is not None and preset not in known:
-            raise ValueError(f"unknown device: must be one of {known}")
+            raise ValueError(f"unknown device: must be one of {listed(known)}")
         return preset

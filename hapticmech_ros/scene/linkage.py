@@ -16,7 +16,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, ValidationError
 
-from hapticmech_ros.errors import SceneError, nearest, scene_error
+from hapticmech_ros.errors import SceneError, listed, nearest, scene_error
 from hapticmech_ros.scene.mechanism import MOMENTS
 from hapticmech_ros.scene.part import Name, NonNegative, Part, Positive, Real, Vector3
 from hapticmech_ros.scene.validation import problems_of
@@ -232,7 +232,7 @@ class _Drawing:
         elif owner in self._bodies:
             body = self._bodies[owner]
         else:
-            rule = f"must be one of {list(self._bodies)}{nearest(owner, self._bodies)}"
+            rule = f"must be one of {listed(self._bodies)}{nearest(owner, self._bodies)}"
             raise self._error(f"{key}.link", owner, rule)
         rest = {k: v for k, v in item.items() if k not in ("point", "link")}
         return {**rest, "link": body.name, "origin": self._origin(body, name)}
@@ -288,8 +288,8 @@ class _Drawing:
                     rule = f"must be 'world' or a bar{nearest(one.on, self._bodies)}"
                     raise self._error(f"{key}.on", one.on, rule)
                 rule = (
-                    f"bar {one.name} shares no point with the ground, {list(self._linkage.ground)},"
-                    " or with a bar or slider that does"
+                    f"bar {one.name} shares no point with the ground, "
+                    f"{listed(self._linkage.ground)}, or with a bar or slider that does"
                 )
                 raise self._error(f"{key}.points", one.points, rule)
 
@@ -433,7 +433,7 @@ class _Drawing:
         }
 
     def _unknown(self, name: object) -> str:
-        return f"no such point: must be one of {list(self._points)}{nearest(name, self._points)}"
+        return f"no such point: must be one of {listed(self._points)}{nearest(name, self._points)}"
 
     def _error(self, key: str, value: object, rule: str) -> SceneError:
         return scene_error(self._source, key, value, rule)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hapticmech_ros.errors import FileError, SceneError, SceneProblem, nearest
+from hapticmech_ros.errors import FileError, SceneError, SceneProblem, listed, nearest
 from hapticmech_ros.files import check_file, is_file
 from hapticmech_ros.scene.contacts import ContactPair, Shape
 from hapticmech_ros.scene.document import SceneDocument
@@ -62,7 +62,7 @@ def _unknown(
     key: str, what: str, name: str, known: Collection[str], besides: str = ""
 ) -> SceneProblem:
     """Return the problem of a name that nothing in the scene has."""
-    rule = f"unknown {what}: must be {besides}one of {sorted(known)}{nearest(name, known)}"
+    rule = f"unknown {what}: must be {besides}one of {listed(sorted(known))}{nearest(name, known)}"
     return SceneProblem(key, name, rule)
 
 
@@ -72,7 +72,7 @@ def _mesh_file(key: str, file: str) -> Iterator[SceneProblem]:
     if not is_file(path):
         yield SceneProblem(key, file, "no such file")
     elif path.suffix.lower() not in MESH_SUFFIXES:
-        yield SceneProblem(key, file, f"a mesh's file must end in one of {MESH_SUFFIXES}")
+        yield SceneProblem(key, file, f"a mesh's file must end in one of {listed(MESH_SUFFIXES)}")
     else:
         try:
             check_file(path, MESH_SIZE_LIMIT)
@@ -213,7 +213,7 @@ def _tree(scene: SceneDocument) -> Iterator[SceneProblem]:
     known = {"world"}
     for index, link in enumerate(scene.links):
         if link.parent not in known:
-            rule = f"parent must be 'world' or a link listed before, one of {sorted(known)}"
+            rule = f"parent must be 'world' or a link listed before, one of {listed(sorted(known))}"
             rule += nearest(link.parent, known)
             yield SceneProblem(f"links[{index}].parent", link.parent, rule)
         if link.parent == "world" and link.joint.type == "fixed":
@@ -342,7 +342,9 @@ def _initial_state(scene: SceneDocument) -> Iterator[SceneProblem]:
         for name, value in given.items():
             key = f"initial_state.{field}.{name}"
             if name not in joints:
-                rule = f"unknown joint: must be one of {sorted(joints)}{nearest(name, joints)}"
+                rule = (
+                    f"unknown joint: must be one of {listed(sorted(joints))}{nearest(name, joints)}"
+                )
                 yield SceneProblem(key, value, rule)
                 continue
             size = sizes[joints[name].type]
@@ -391,7 +393,9 @@ def _hands(scene: SceneDocument) -> Iterator[SceneProblem]:
     for index, entry in enumerate(scene.hands):
         key = f"hands[{index}]"
         if entry.point not in known:
-            rule = f"must be an operational point, one of {known}{nearest(entry.point, known)}"
+            rule = (
+                f"must be an operational point, one of {listed(known)}{nearest(entry.point, known)}"
+            )
             yield SceneProblem(f"{key}.point", entry.point, rule)
         if entry.point in held:
             yield SceneProblem(f"{key}.point", entry.point, "each point can be held once")

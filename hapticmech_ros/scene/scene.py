@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from hapticmech_ros.errors import InvalidInputError, nearest
+from hapticmech_ros.errors import InvalidInputError, listed, nearest
 from hapticmech_ros.scene.document import SceneDocument
 from hapticmech_ros.scene.mechanism import OperationalPoint
 from hapticmech_ros.scene.part import Part
@@ -94,7 +94,7 @@ class Scene(SceneDocument):
             if point.name == name:
                 return point
         known = [point.name for point in self.operational_points]
-        rule = f"must be one of {known}{nearest(name, known)}"
+        rule = f"must be one of {listed(known)}{nearest(name, known)}"
         raise InvalidInputError("operational point", name, rule)
 
 

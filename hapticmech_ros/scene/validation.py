@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from hapticmech_ros.errors import FileError, SceneError, SceneProblem, nearest, scene_error
+from hapticmech_ros.errors import FileError, SceneError, SceneProblem, listed, nearest, scene_error
 from hapticmech_ros.files.yaml_text import document_in, read_yaml
 from hapticmech_ros.scene.document import SceneDocument
 from hapticmech_ros.scene.part import LARGEST, PATTERN, read_angle
@@ -164,7 +164,7 @@ def _place(items: Sequence[Any], step: str | int, key: str, source: str) -> int:
     if step in names:
         return names.index(step)
     known = [name for name in names if name is not None]
-    rule = f"must be one of {known}, or a place in brackets{nearest(step, known)}"
+    rule = f"must be one of {listed(known)}, or a place in brackets{nearest(step, known)}"
     raise scene_error(source, key, step, rule)
 
 

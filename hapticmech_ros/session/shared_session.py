@@ -13,7 +13,7 @@ import numpy as np
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.other_hands import NO_OTHERS, OtherHands, received_directly
 from hapticmech_ros.device import SimulatedDevice
-from hapticmech_ros.errors import InvalidInputError, nearest
+from hapticmech_ros.errors import InvalidInputError, listed, nearest
 from hapticmech_ros.mechanism.motion import NOTHING
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import nanoseconds
@@ -287,5 +287,5 @@ class SharedSession:
         """
         for point in points:
             if point not in self.points:
-                rule = f"must be a point that is held, one of {list(self.points)}"
+                rule = f"must be a point that is held, one of {listed(self.points)}"
                 raise InvalidInputError(name, point, rule + nearest(point, self.points))

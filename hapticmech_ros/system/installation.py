@@ -22,6 +22,11 @@ from hapticmech_ros.errors import HapticMechError, InstallationError
 PACKAGE = "hapticmech_ros"
 # Modules that packages of other names may bring: ROS has Pinocchio and Coal without pip's metadata.
 MODULES = {"pin": "pinocchio", "pyyaml": "yaml"}
+NO_RCLPY = (
+    "rclpy, ROS 2 for Python, is not installed: source ROS 2 Jazzy, or install it from PyPI in the"
+    f" clone with {sys.executable} -m pip install '.[ros]' (docs/install.md);"
+    " hapticmech experiment and hapticmech live run without ROS"
+)
 # No node needs these.
 OF_COMMANDS = frozenset({"matplotlib", "mcap", "rich", "rosbags", "typer"})
 
@@ -50,8 +55,8 @@ def refuse_unmet(
         raise InstallationError(list(unmet.values()), list(unmet), sys.executable)
 
 
-def refuse_middleware(environment: Mapping[str, str]) -> None:
-    """Refuse an environment that selects a middleware that is not installed.
+def refuse_without_ros(environment: Mapping[str, str]) -> None:
+    """Refuse an installation without rclpy, or without the middleware that is selected.
 
     rcl would end the process as it is loaded, with neither the variable's name nor a remedy.
 
@@ -59,8 +64,11 @@ def refuse_middleware(environment: Mapping[str, str]) -> None:
         environment: of the process that is to load rclpy.
 
     Raises:
-        HapticMechError: no prefix has an index entry of ``RMW_IMPLEMENTATION``.
+        HapticMechError: there is no rclpy; or no prefix has an index entry of
+            ``RMW_IMPLEMENTATION``.
     """
+    if find_spec("rclpy") is None:
+        raise HapticMechError(NO_RCLPY)
     asked = environment.get("RMW_IMPLEMENTATION", "")
     prefixes = (*environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix)
     index = "share/ament_index/resource_index/rmw_typesupport"

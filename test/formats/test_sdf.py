@@ -338,7 +338,7 @@ def test_one_model_of_several_is_named(tmp_path):
 def test_without_a_name_of_one_the_models_are_named(tmp_path, name, rule):
     with pytest.raises(SceneError, match=rule) as caught:
         read_model(world_of_two(tmp_path), name=name)
-    assert "'one', 'two'" in str(caught.value)
+    assert "one, two" in str(caught.value)
 
 
 def test_other_files_have_one_model(tmp_path):

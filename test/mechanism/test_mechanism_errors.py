@@ -34,7 +34,7 @@ def test_a_step_that_blows_up_is_no_missing_mass(integrator, closed):
         sim.run(state, 1000)
     assert not isinstance(raised.value, SingularInertiaError)
     assert "mass" not in str(raised.value)
-    assert re.search(r"joint 'joint\d'|closures \['pin'\]|mechanism state", str(raised.value))
+    assert re.search(r"joint 'joint\d'|closures pin|mechanism state", str(raised.value))
 
 
 @pytest.mark.parametrize("rate", range(4))

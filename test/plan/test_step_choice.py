@@ -26,7 +26,10 @@ def clock():
 
 def test_of_each_integrator_the_fewest_steps_that_are_accurate_enough():
     scene = load_scene("two_link", changes=[SHORT])
-    found = step_choices(scene, 1e-7, clock)
+    shares: list[float] = []
+    found = step_choices(scene, 1e-7, clock, lambda _, share: shares.append(share))
+    assert 0.0 == shares[0] < shares[-1] < 1.0
+    assert shares == sorted(shares)
     assert found.reference_m < 1e-8
     assert [one.integrator for one in found.tried] == [
         *("rk4", "tsit5", "rk2", "semi_implicit_euler", "linearly_implicit")

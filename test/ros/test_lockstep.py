@@ -225,6 +225,22 @@ def test_a_replay_with_a_change_differs(runs: dict[str, Path], tmp_path: Path) -
     assert one["/device/servo_cf"] != two["/device/servo_cf"]
 
 
+def test_progress_and_ends_of_the_nodes_are_told(domain: int) -> None:
+    run = LockstepRun("two_link", duration=2.0, composed=True, shown=True)
+    ticks, ends = dict[int, int](), list[int]()
+    environment = private_environment(domain)
+    run_lockstep(
+        run,
+        environment,
+        lambda: False,
+        lambda done, every: ticks.update({done: every}),
+        lambda reports, endings: ends.append(len(endings)),
+    )
+    assert set(ticks.values()) == {2000}
+    assert list(ticks) == sorted(ticks)
+    assert ends == [4]
+
+
 def test_a_silent_node_is_named(domain: int) -> None:
     run = LockstepRun(
         "five_bar",

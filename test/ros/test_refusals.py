@@ -95,7 +95,7 @@ TOO_SHORT = "must be 0 or at least 3 periods of 250 Hz, 0.012 s (got 0.011)"
         (
             "mechanism_simulator",
             {"grasp": "link9 0 0 0"},
-            ("grasp: must be one of ['link1', 'link2'",),
+            ("grasp: must be one of link1, link2",),
         ),
         (FOLLOWER, {}, ("robot",)),
         (FOLLOWER, {"robot": ROBOT, "robot_point": "nose"}, ("nose",)),
