@@ -66,9 +66,8 @@ def _constraint_rows(constraints: Mapping[str, Any]) -> list[tuple[str, str]]:
     for held in constraints["while_held"]:
         force = _number(held["force_rms_n"], 1.0, "N", 3)
         expected = _number(held["expected_force_rms_n"], 1.0, "N", 3)
-        rows.append(
-            (f"constraint force, rms, count {held['count']} (expected)", f"{force} ({expected})")
-        )
+        heading = f"force of {held['count']} constraint(s), rms (expected)"
+        rows.append((heading, f"{force} ({expected})"))
     return rows
 
 
@@ -80,13 +79,13 @@ def _error_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         _number(tracking[f"rotation_error_{k}_rad"], 1e3, "mrad", 2) for k in ("rms", "max")
     ]
     rows = [
-        ("hand to operational point, rms / max", " / ".join(position)),
-        ("rotation, rms / max", " / ".join(rotation)),
-        ("closure error, max", _power(summary["closure_error_max_m_or_rad"], "m, rad")),
-        ("energy balance error, max", _power(energy["balance_error_max_j"], "J")),
+        ("distance of hand and mechanism, rms / max", " / ".join(position)),
+        ("angle between the two, rms / max", " / ".join(rotation)),
+        ("error of closed loops, max", _power(summary["closure_error_max_m_or_rad"], "m, rad")),
+        ("error of the energy balance, max", _power(energy["balance_error_max_j"], "J")),
     ]
     if energy.get("steps_inaccurate"):
-        rows.append(("steps beyond the stated accuracy", str(energy["steps_inaccurate"])))
+        rows.append(("steps above the energy tolerance", str(energy["steps_inaccurate"])))
     if not coverage["complete"]:
         worst = max(coverage["groups"].items(), key=lambda item: float(item[1]["longest_pause_s"]))
         text = f"no {worst[0]} for {worst[1]['longest_pause_s']:.2f} s"
@@ -127,7 +126,7 @@ def _agreement_rows(agreement: Mapping[str, Any] | None) -> list[tuple[str, str]
     apart = agreement["count_change_difference_max_s"]
     return [
         ("deviation from session, device / point, max", " / ".join(deviations)),
-        ("time between count changes, max", _number(apart, 1e3, "ms", 1)),
+        ("times of changes differ by, max", _number(apart, 1e3, "ms", 1)),
     ]
 
 
