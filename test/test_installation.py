@@ -151,6 +151,20 @@ def test_a_node_needs_nothing_of_the_commands():
     assert not OF_COMMANDS & set(loaded.split())
 
 
+@pytest.mark.parametrize(
+    ("command", "heavy"),
+    [("['--help']", {"numpy", "pydantic"}), ("['scene', 'list']", {"pinocchio", "scipy"})],
+)
+def test_commands_import_what_they_need(command, heavy):
+    program = (
+        "import sys\nfrom hapticmech_ros.cli import app\n"
+        f"app({command}, standalone_mode=False)\nprint(*sys.modules)\n"
+    )
+    loaded = printed_by("-c", program).splitlines()[-1].split()
+    assert "typer" in loaded
+    assert not heavy & set(loaded)
+
+
 def test_nodes_of_small_scenes_start_without_scipy():
     """It takes a tenth of a second to load, which a node that starts again does not have.
 

@@ -389,6 +389,7 @@ class Graph:
 
     def stop(self) -> dict[str, int]:
         """End every process, SIGINT first, and return exit codes by name."""
+        self.reports()  # Few fit into the socket at once: room for the last ones.
         codes = stop_processes(self.processes)
         if self._readiness.is_open:
             self._readiness.pids()
