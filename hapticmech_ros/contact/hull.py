@@ -5,8 +5,7 @@
 Convex hulls of meshes in files, which a child process with limits reads, and their triangles.
 
 The files are not trusted, the library that reads them does not check them, and they may have
-millions of vertices: only the corners of a hull are returned, and for pictures the triangles, if
-they are not too many.
+millions of vertices: only the corners of a hull are returned, and for pictures so many triangles.
 """
 
 from __future__ import annotations
@@ -104,7 +103,9 @@ _surfaces: dict[_Key, Surface] = {}
 
 
 def drawn_meshes(meshes: Sequence[Mesh]) -> list[Surface | None]:
-    """Return meshes that are drawn alone, of large ones the hulls; None if they cannot be read.
+    """Return meshes that are drawn alone; None of those that cannot be read.
+
+    Of large ones they are coarser forms, of the largest the hulls: see ``mesh_corners``.
 
     Args:
         meshes: in files that may be missing, or no meshes.
