@@ -87,18 +87,8 @@ def read_mesh(file: str, scale: tuple[float, float, float], key: str) -> Polytop
     return _hulls[one]
 
 
-class Surface(NamedTuple):
-    """A body that is drawn.
-
-    Attributes:
-        corners: (n, 3) m.
-        triangles: (t, 3) indices of corners.
-    """
-
-    corners: Array
-    triangles: Array
-
-
+# Of a body that is drawn: (n, 3) corners, m, and (t, 3) triangles as indices of these.
+Surface = tuple[Array, Array]
 _surfaces: dict[_Key, Surface] = {}
 
 
@@ -160,10 +150,10 @@ def _read_surfaces(keys: Sequence[_Key]) -> None:
     for key, answer in zip(keys, answers, strict=True):
         corners: Array = np.array(answer["corners"], dtype=float)
         if "triangles" in answer:
-            _surfaces[key] = Surface(corners, np.array(answer["triangles"], dtype=int))
+            _surfaces[key] = corners, np.array(answer["triangles"], dtype=int)
         else:
             body = hull(corners)
-            _surfaces[key] = Surface(body.vertices, body.triangles)
+            _surfaces[key] = body.vertices, body.triangles
 
 
 def _answers(
