@@ -5,8 +5,7 @@
 Convex hulls of meshes in files, which a child process with limits reads, and their triangles.
 
 The files are not trusted, the library that reads them does not check them, and they may have
-millions of vertices: only the corners of a hull are returned, and for pictures the triangles, if
-they are not too many.
+millions of vertices: only the corners of a hull are returned, and for pictures so many triangles.
 """
 
 from __future__ import annotations
@@ -88,23 +87,15 @@ def read_mesh(file: str, scale: tuple[float, float, float], key: str) -> Polytop
     return _hulls[one]
 
 
-class Surface(NamedTuple):
-    """A body that is drawn.
-
-    Attributes:
-        corners: (n, 3) m.
-        triangles: (t, 3) indices of corners.
-    """
-
-    corners: Array
-    triangles: Array
-
-
+# Of a body that is drawn: (n, 3) corners, m, and (t, 3) triangles as indices of these.
+Surface = tuple[Array, Array]
 _surfaces: dict[_Key, Surface] = {}
 
 
 def drawn_meshes(meshes: Sequence[Mesh]) -> list[Surface | None]:
-    """Return meshes that are drawn alone, of large ones the hulls; None if they cannot be read.
+    """Return meshes that are drawn alone; None of those that cannot be read.
+
+    Of large ones they are coarser forms, of the largest the hulls: see ``mesh_corners``.
 
     Args:
         meshes: in files that may be missing, or no meshes.
@@ -159,10 +150,10 @@ def _read_surfaces(keys: Sequence[_Key]) -> None:
     for key, answer in zip(keys, answers, strict=True):
         corners: Array = np.array(answer["corners"], dtype=float)
         if "triangles" in answer:
-            _surfaces[key] = Surface(corners, np.array(answer["triangles"], dtype=int))
+            _surfaces[key] = corners, np.array(answer["triangles"], dtype=int)
         else:
             body = hull(corners)
-            _surfaces[key] = Surface(body.vertices, body.triangles)
+            _surfaces[key] = body.vertices, body.triangles
 
 
 def _answers(

@@ -17,8 +17,10 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 MOST_VERTICES = 2000
-# Of a mesh that is drawn: of a larger one the hull is drawn, for browsers without a GPU.
-MOST_TRIANGLES = 20_000
+# Of a mesh that is drawn, for browsers without a GPU. A larger one is made coarser: its corners are
+# joined in cells, so many along its longest side. Of one that is too large for that, the hull.
+MOST_TRIANGLES, MOST_JOINED = 20_000, 200_000
+CELLS = 40
 
 
 def corners_of(item: Mapping[str, Any]) -> dict[str, Any]:
@@ -38,19 +40,37 @@ def corners_of(item: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def surface_of(item: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the corners and triangles of a file's mesh; of one with too many, of its hull."""
+    """Return the corners and triangles of a file's mesh, or of a coarser one, or of its hull."""
     try:
         vertices, loaded = _load(item)
     except ValueError as error:
         return {"rule": f"cannot be read as a mesh: {error}"}
-    if not 0 < loaded.num_tris <= MOST_TRIANGLES:
+    if not 0 < loaded.num_tris <= MOST_JOINED:
         return corners_of(item)
     triangles = [
         [one[0], one[1], one[2]] for one in map(loaded.tri_indices, range(loaded.num_tris))
     ]
     corners, places = np.unique(vertices.astype(np.float32), axis=0, return_inverse=True)
-    found = places.ravel()[np.array(triangles, dtype=int).reshape(-1, 3)]
+    found = places.ravel()[np.array(triangles, dtype=int)]
+    if len(found) > MOST_TRIANGLES:
+        corners, found = _joined(corners, found)
+    if not 0 < len(found) <= MOST_TRIANGLES:
+        return corners_of(item)
     return {"corners": corners.tolist(), "triangles": found.tolist()}
+
+
+def _joined(corners: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return a mesh of the mean corner in each cell of a grid, without triangles in one or two."""
+    low = corners.min(axis=0)
+    cells = np.floor((corners - low) * (CELLS / np.ptp(corners, axis=0).max()))
+    _, places, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+    places = places.ravel()
+    means = np.zeros((len(counts), 3))
+    np.add.at(means, places, corners)
+    left = places[triangles]
+    whole = (left != np.roll(left, 1, axis=1)).all(axis=1)
+    _, first = np.unique(np.sort(left[whole], axis=1), axis=0, return_index=True)
+    return (means / counts[:, None]).astype(np.float32), left[whole][np.sort(first)]
 
 
 def _load(item: Mapping[str, Any]) -> tuple[np.ndarray, Any]:

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The picture of a live session: shapes, hulls of meshes, and which of them can be dragged.
 
-Meshes that may touch are drawn as their hulls, others as they are; of large ones the hulls, which
-have few triangles, as a browser without a GPU needs.
+Meshes that may touch are drawn as their hulls, others as they are, or coarser: a browser without a
+GPU needs few triangles.
 
 Shapes are instances of a few unit bodies: arrays that a page sends whole, one set for each body.
 

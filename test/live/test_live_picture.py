@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hapticmech_ros.contact.mesh_corners import MOST_TRIANGLES
+from hapticmech_ros.contact.mesh_corners import CELLS, MOST_JOINED, MOST_TRIANGLES
 from hapticmech_ros.live.commands import Open
 from hapticmech_ros.live.live_picture import (
     LAYERS,
@@ -331,17 +331,54 @@ ONE_MESH = """<robot name="r"><material name="blue"><color rgba="0 0 1 1"/></mat
   <child link="a"/></joint></robot>"""
 
 
-@pytest.mark.parametrize(("times", "drawn"), [(1, 2), (MOST_TRIANGLES, 4)])
-def test_meshes_are_drawn_as_they_are_in_their_colour_and_large_ones_as_hulls(
+def visual_mesh(folder, vertices, faces):
+    """Return what is drawn of a URDF file with a mesh; faces are lines of its OBJ file."""
+    rows = (f"v {x} {y} {z}" for x, y, z in vertices.tolist())
+    (folder / "a.obj").write_text("\n".join((*rows, *faces, "")), encoding="utf-8")
+    (folder / "a.urdf").write_text(ONE_MESH, encoding="utf-8")
+    (mesh,) = visual_bodies(str(folder / "a.urdf"))
+    return mesh
+
+
+@pytest.mark.parametrize(("times", "drawn"), [(1, 2), (MOST_JOINED, 4)])
+def test_meshes_are_drawn_as_they_are_in_their_colour_and_the_largest_as_hulls(
     tmp_path, times, drawn
 ):
     """Two triangles with an edge in common: of their hull there are four."""
-    rows = [*(f"v {x} {y} {z}" for x, y, z in CORNERS.tolist()), *["f 1 2 3"] * times, "f 1 2 4"]
-    (tmp_path / "a.obj").write_text("\n".join(rows) + "\n", encoding="utf-8")
-    (tmp_path / "a.urdf").write_text(ONE_MESH, encoding="utf-8")
-    (mesh,) = visual_bodies(str(tmp_path / "a.urdf"))
+    mesh = visual_mesh(tmp_path, CORNERS, [*["f 1 2 3"] * times, "f 1 2 4"])
     assert len(mesh.triangles) == drawn
     assert mesh.colour == (0.0, 0.0, 1.0, 1.0)
     assert np.array(sorted(mesh.corners.tolist())) == pytest.approx(
         np.array(sorted(CORNERS.tolist()))
     )
+
+
+def test_a_large_mesh_is_made_coarser_and_keeps_its_shape(tmp_path):
+    """A ring: no triangle may span its hole, as those of its hull do."""
+    around, across = 200, 80
+    turn, tilt = np.meshgrid(
+        np.linspace(0.0, 2.0 * np.pi, around, endpoint=False),
+        np.linspace(0.0, 2.0 * np.pi, across, endpoint=False),
+        indexing="ij",
+    )
+    radius = 1.0 + 0.3 * np.cos(tilt)
+    places = np.stack((radius * np.cos(turn), radius * np.sin(turn), 0.3 * np.sin(tilt)), axis=-1)
+
+    def number(i, j):
+        return 1 + (i % around) * across + j % across
+
+    faces = [
+        f"f {number(i, j)} {number(i + 1, j)} {number(i + a, j + 1)}"
+        if a
+        else f"f {number(i, j)} {number(i + 1, j + 1)} {number(i, j + 1)}"
+        for i in range(around)
+        for j in range(across)
+        for a in (0, 1)
+    ]
+    assert len(faces) > MOST_TRIANGLES
+    mesh = visual_mesh(tmp_path, places.reshape(-1, 3), faces)
+    assert 1000 < len(mesh.triangles) <= MOST_TRIANGLES
+    x, y, z = mesh.corners[mesh.triangles].mean(axis=1).T
+    beside = np.hypot(np.hypot(x, y) - 1.0, z) - 0.3
+    # Corners are moved by a cell at most, the diagonal of a cube.
+    assert np.abs(beside).max() < np.sqrt(3.0) * 2.6 / CELLS

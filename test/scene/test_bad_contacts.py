@@ -58,7 +58,7 @@ MESH = "shapes[1].geometry.file"
         (
             {"kind": "mesh", "file": "body.xyz", "scale": [1.0, 2.0, -1.0]},
             MESH,
-            "a mesh's file must end in one of ('.stl', '.obj', '.dae', '.off')",
+            "a mesh's file must end in one of .stl, .obj, .dae, .off",
         ),
         (
             {"kind": "mesh", "file": "large.stl", "scale": [1.0, 2.0, -1.0]},
