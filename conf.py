@@ -85,6 +85,11 @@ def keep_words(app, what, name, thing, options, lines):
     del app, name, thing, options
     if what == "property" and lines and (found := re.match(r":type: (.*)", lines[-1])):
         lines[:] = [f"{found[1]}: {lines[0]}", *lines[1:-1]]
+    # Of two names, Sphinx takes the first for the type of the second.
+    lines[:] = [
+        re.sub(r"^:(ivar|param) [\w, ]+:", lambda names: names[0].replace(", ", ","), line)
+        for line in lines
+    ]
     lines[:] = [short(line).replace("|", "\\|") for line in lines]
 
 
