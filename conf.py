@@ -43,8 +43,6 @@ exclude_patterns = [".venv", "build", "install", "log", "test", "benchmarks", "*
 
 myst_heading_anchors = 4
 myst_enable_extensions = ["colon_fence"]
-# Not MathJax, which a page without a network does not find.
-html_math_renderer = "mathml"
 html_theme = "furo"
 html_title = f"{project} {version}"
 html_copy_source = False
@@ -87,6 +85,11 @@ def keep_words(app, what, name, thing, options, lines):
     del app, name, thing, options
     if what == "property" and lines and (found := re.match(r":type: (.*)", lines[-1])):
         lines[:] = [f"{found[1]}: {lines[0]}", *lines[1:-1]]
+    # Of two names, Sphinx takes the first for the type of the second.
+    lines[:] = [
+        re.sub(r"^:(ivar|param) [\w, ]+:", lambda names: names[0].replace(", ", ","), line)
+        for line in lines
+    ]
     lines[:] = [short(line).replace("|", "\\|") for line in lines]
 
 
@@ -109,7 +112,7 @@ def shorten(app, what, name, thing, options, signature, returned):
 
 
 def formula(translator, node):
-    """Write a formula as MathML, which browsers show by themselves."""
+    """Write a formula as MathML, which browsers show without a network, unlike MathJax's."""
     whole = tex2mathml(node.astext())
     if isinstance(node, nodes.math_block):
         whole = whole.replace("<math ", '<math display="block" ', 1)
