@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Container, Iterable, Iterator, Mapping
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, distribution, requires
 from importlib.util import find_spec
 from pathlib import Path
@@ -67,7 +68,10 @@ def refuse_without_ros(environment: Mapping[str, str]) -> None:
         HapticMechError: there is no rclpy; or no prefix has an index entry of
             ``RMW_IMPLEMENTATION``.
     """
-    if find_spec("rclpy") is None:
+    rclpy = None
+    with suppress(ImportError):  # of a finder that forbids it
+        rclpy = find_spec("rclpy")
+    if rclpy is None:
         raise HapticMechError(NO_RCLPY)
     asked = environment.get("RMW_IMPLEMENTATION", "")
     prefixes = (*environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix)
