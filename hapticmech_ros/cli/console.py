@@ -8,7 +8,6 @@ Durations as people write them.
 from __future__ import annotations
 
 import math
-import os
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -71,7 +70,7 @@ errors = Console(stderr=True)
 
 
 def say(text: object, style: str | None = None, where: Console = console, hang: int = 0) -> None:
-    """Print text as it is; between words new lines begin if a person reads it, or COLUMNS is set.
+    """Print text as it is; on a terminal, new lines begin between words.
 
     Args:
         text: of lines, none of which a program that reads them finds broken.
@@ -80,7 +79,7 @@ def say(text: object, style: str | None = None, where: Console = console, hang: 
         hang: indentation of new lines, characters.
     """
     lines = str(text).splitlines()
-    if where.is_terminal or "COLUMNS" in os.environ:
+    if where.is_terminal:
         lines = [
             fill(
                 line,

@@ -45,6 +45,8 @@ def shown(command: str, width: int, patch: pytest.MonkeyPatch, capsys: Any) -> s
     patch.setattr("hapticmech_ros.cli.choose_discovery", lambda _: None)
     for one in (console, errors):
         patch.setattr(one, "_width", width)
+        patch.setattr(one, "_force_terminal", True)
+        patch.setattr(one, "_color_system", None)
     if command == STEPS:
         failed = "the step at 0.1 s has an energy that is off by more than it may be"
         tried = StepChoice("semi_implicit_euler", 32, 2e-6, 1e-4), StepChoice("rk4", 1, 1e-8, 2e-5)
