@@ -190,5 +190,5 @@ def test_who_waited_for_a_build_does_not_repeat_it(place, builds, monkeypatch):
 @pytest.mark.parametrize(("place", "what"), [("DATA_AT", "arrays"), ("SLOTS_AT", "objects")])
 def test_what_is_not_where_kernels_look_for_it_is_told(monkeypatch, good, place, what):
     monkeypatch.setattr(library, place, 0)
-    with pytest.raises(LibraryError, match=f"keeps {what}"):
+    with pytest.raises(LibraryError, match=f"stores {what}"):
         library._loaded(library._unpacked(read_own(good)))

@@ -177,7 +177,8 @@ def test_only_what_crosses_a_connection_is_warned_of(delay):
         scene = over(Connection(expected=delay), name=name)
         assert loop_warning(scene, scene.operational_points[0].name, scene.controller) == ""
     late = over(Connection(expected=delay), local=False)
-    assert "over a connection" in loop_warning(late, "handle", late.controller)
+    sentence = loop_warning(late, "handle", late.controller)
+    assert f"too stiff for a connection of {1e3 * delay:g} ms each way" in sentence
 
 
 @pytest.mark.parametrize("delay", [0, 1, 3])
