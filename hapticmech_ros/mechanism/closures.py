@@ -28,7 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import InvalidInputError, listed
 from hapticmech_ros.mechanism.model import TreeModel, se3
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
@@ -59,7 +59,7 @@ def grasped(scene: Scene, name: str, frame: str, origin: Origin | None = None) -
     links = {link.name: link for link in scene.links}
     points = {point.name: point for point in scene.operational_points}
     if frame not in links and frame not in points:
-        raise InvalidInputError(_WHAT, frame, f"must be one of {[*links, *points]}")
+        raise InvalidInputError(_WHAT, frame, f"must be one of {listed([*links, *points])}")
     own = origin or Origin()
     if not math.hypot(*own.xyz) <= FARTHEST or not all(map(math.isfinite, own.rpy)):
         rule = f"offset must be within {FARTHEST:g} m, angles finite"
