@@ -53,7 +53,7 @@ def _options(
 for group, command, *examples in (
     (START, experiment.demo, "demo", "demo four_bar_closing --out demo/closing"),
     (START, experiment.experiment, "experiment", "experiment door --out session --duration 2"),
-    (START, live.live, "live", "live examples/pantograph.urdf"),
+    (START, live.live, "live", "live examples/pantograph.yaml"),
     (GRAPH, graph.run, "run five_bar", "run door --view --record bags/door --duration 5"),
     (GRAPH, graph.topics, "topics", "topics --cpp"),
     (GRAPH, graph.parameters, "parameters"),
