@@ -10,7 +10,14 @@ from typing import Annotated
 import typer
 
 from hapticmech_ros.cli.commands import Commands
-from hapticmech_ros.cli.console import ChangesOption, SceneArgument, errors, progress, say
+from hapticmech_ros.cli.console import (
+    ChangesOption,
+    SceneArgument,
+    errors,
+    progress,
+    progress_of,
+    say,
+)
 
 app = Commands(
     "List, check, draw, assemble, plan and copy scenes.", "scene list", "scene check door"
@@ -134,11 +141,17 @@ def steps(
             say(out)
 
 
-@app.command("show", "scene show door", "scene show examples/pantograph.yaml --out pantograph.png")
+@app.command("show", "scene show door", "scene show five_bar --out five_bar.gif")
 def show(
     scene: SceneArgument,
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="PNG file", show_default="SCENE's name")
+        Path | None,
+        typer.Option(
+            "--out",
+            "-o",
+            help="PNG file; or GIF or WebP file, of SCENE's experiment",
+            show_default="SCENE's name",
+        ),
     ] = None,
     point: Annotated[
         str,
@@ -147,22 +160,34 @@ def show(
             show_default="those of the scene's hands, or its first one",
         ),
     ] = "",
-    pixels: Annotated[int, typer.Option(min=100, max=5000, help="width and height")] = 1050,
+    pixels: Annotated[
+        int | None,
+        typer.Option(
+            min=100, max=5000, help="width and height", show_default="1050; of a film 480"
+        ),
+    ] = None,
     changes: ChangesOption = None,
 ) -> None:
-    """Draw SCENE at its start: the points held, and their rigid and free directions."""
+    """Draw SCENE: the points held, and their rigid and free directions."""
     from hapticmech_ros.errors import ClosureError
     from hapticmech_ros.formats import drawn_shapes
+    from hapticmech_ros.live.film import FILM_PIXELS, FILMS, draw_experiment
     from hapticmech_ros.loading import find_scene, load_scene
+    from hapticmech_ros.view.drawn import SIDE_PIXELS
     from hapticmech_ros.view.still import draw_scene, readable
 
     loaded = load_scene(scene, changes=changes or ())
     path = Path(f"{loaded.name}.png") if out is None else out
+    if path.suffix in FILMS:
+        with progress_of("drawing") as show_done:
+            draw_experiment(scene, path, changes or (), point, pixels or FILM_PIXELS, show_done)
+        say(path)
+        return
     besides, unreadable = readable([one.shape for one in drawn_shapes(find_scene(scene))])
     for error in unreadable:
         say(f"not drawn: {error}")
     try:
-        draw_scene(loaded, path, point, pixels, besides)
+        draw_scene(loaded, path, point, pixels or SIDE_PIXELS, besides)
     except ClosureError:
         say(f"as written: {path}")
         raise

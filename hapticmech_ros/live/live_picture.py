@@ -351,6 +351,7 @@ class LivePicture:
         solids: number of a mesh among the scene's shapes -> its hull; shapes drawn by the model's
             file have negative numbers.
         unit: the mechanism's length, m.
+        ball: radius of a hand's ball, m.
         planar: whether all is in a plane.
         directions: in which the devices render.
         users: operational points that are held.
@@ -369,6 +370,7 @@ class LivePicture:
         self._analysers = {point: Analyser(mechanism, point) for point in opened.users}
         self._placer = Placer(mechanism)
         self.unit, self.planar = mechanism.length, scene.task_space == "planar"
+        self.ball = 0.5 * _BALL * DEVICE_DIAMETER * self.unit
         self.directions = len(scene.task_rows)
         held = {point: scene.held_at(point) for point in opened.users}
         devices = [one.device for one in held.values()]
@@ -467,7 +469,7 @@ class LivePicture:
         ray = (place - eye) / max(float(np.linalg.norm(place - eye)), 1e-12)
         there = np.array([user.device[:, 3] - eye for user in state.users])
         aside = np.linalg.norm(there - np.outer(there @ ray, ray), axis=1)
-        within = aside.min() < 0.5 * _BALL * DEVICE_DIAMETER * self.unit
+        within = aside.min() < self.ball
         return state.users[int(aside.argmin())].point if within else None
 
     def _masses(self, point: str, found: OperationalAnalysis) -> Array:

@@ -33,7 +33,6 @@ from hapticmech_ros.live.page_controls import (
     you_html,
 )
 from hapticmech_ros.view.drawn import draw_shapes
-from hapticmech_ros.view.shapes import MASS
 
 Made = TypeVar("Made")
 # Pictures, numbers and plots a second, at most.
@@ -76,8 +75,8 @@ class LivePage:
         server.scene.configure_environment_map(hdri=None)
         # Fewer lights than by default: where no GPU draws, each takes time at every pixel.
         server.scene.configure_default_lights(enabled=False)
-        server.scene.add_light_ambient("/ambient", intensity=0.9)
-        server.scene.add_light_directional("/light", position=(0.5, 0.4, 1.0), intensity=2.5)
+        server.scene.add_light_ambient("/ambient", intensity=0.7)
+        server.scene.add_light_directional("/light", position=(0.5, 0.4, 1.0), intensity=1.4)
         server.scene.set_background_image(np.full((1, 1, 3), BACKGROUND, np.uint8), "png")
         server.initial_camera.fov = FIELD_OF_VIEW
         self._mice = Mice(backend.send)
@@ -249,10 +248,9 @@ class LivePage:
             return
         with TemporaryDirectory() as folder:
             path = Path(folder) / name
-            shapes = [one for one in shown.frame.shapes if one.meaning != MASS]
             title = f"{self._name}, {shown.state.time:.2f} s"
             picture = shown.picture
-            draw_shapes(shapes, path, picture.planar, title, users=picture.hues)
+            draw_shapes(shown.frame.shapes, path, picture.planar, title, users=picture.hues)
             content = path.read_bytes()
         self._with_viser(partial(event.client.send_file_download, name, content))
 

@@ -406,7 +406,9 @@ class SceneNodes:
         for user in new.state.users if new.picture.hues else ():
             holder = holders.get(Draggable("hand", user.point))
             text = user.point if holder is None else f"{user.point}: {browser(holder)}"
-            place = user.device[:, 3]
+            # Above the ball, which it would hide.
+            place = user.device[:, 3].copy()
+            place[1 if new.picture.planar else 2] += new.picture.ball
             label = self._labels.get(user.point)
             if label is None:
                 label = self._server.scene.add_label(

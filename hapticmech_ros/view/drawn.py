@@ -1,15 +1,16 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A picture as a file: shapes seen from afar, in parallel projection, the nearer ones last."""
+"""A picture or a film as a file: shapes in parallel projection, the nearer ones last."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from matplotlib.animation import PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -26,7 +27,7 @@ SIDE_INCHES, SIDE_PIXELS = 7.0, 1050
 ABOVE = np.array((0.0, 0.0, 1.0))
 ASIDE = np.array((1.0, -1.6, 0.9))
 MARGIN = 0.08
-CORNERS = 24
+CORNERS = 48
 LETTERS_PT, SMALL_PT, LINE_PT = 11.0, 9.5, 1.5
 # As shares of the side: lower left corner and side of the square in which shapes are, left end and
 # height of the scale bar, its greatest length, and origin and length of the world's axes.
@@ -68,32 +69,101 @@ def draw_shapes(
         users: hue of each, where there are several; the legend has these, and no shades of them.
     """
     view = view_from(ABOVE if planar else ASIDE)
+    figure = _figure(side_pixels)
+    parts, meanings = _parts(shapes, view), {shape.meaning for shape in shapes}
+    _compose(figure, view, parts, np.vstack([part[0] for part in parts]), meanings, users)
+    _title(figure, title, shapes)
+    figure.savefig(path)
+
+
+def draw_film(
+    pictures: Sequence[tuple[str, Sequence[Shape]]],
+    path: Path,
+    planar: bool,
+    rate: int,
+    side_pixels: int = SIDE_PIXELS,
+    users: Mapping[str, Colour] = MappingProxyType({}),
+    progress: Callable[[int, int], None] = lambda done, every: None,
+) -> None:
+    """Write pictures one after the other, all seen from the same place, as a GIF or WebP file.
+
+    Args:
+        pictures: title and shapes of each.
+        path: of the file.
+        planar: as of :func:`draw_shapes`.
+        rate: pictures a second.
+        side_pixels: likewise.
+        users: likewise.
+        progress: called with the pictures drawn, and all, after each.
+    """
+    view = view_from(ABOVE if planar else ASIDE)
+    figure = _figure(side_pixels)
+    parts = [_parts(shapes, view) for _, shapes in pictures]
+    # Corners of what is seen in any of them.
+    places = np.vstack([part[0] for picture in parts for part in picture])
+    seen = np.vstack((places.min(axis=0), places.max(axis=0)))
+    meanings = {shape.meaning for _, shapes in pictures for shape in shapes}
+    writer = PillowWriter(fps=rate)
+    with writer.saving(figure, str(path), figure.dpi):
+        for done, ((title, shapes), picture) in enumerate(zip(pictures, parts, strict=True), 1):
+            figure.clear()
+            _compose(figure, view, picture, seen, meanings, users)
+            _title(figure, title, shapes)
+            writer.grab_frame()
+            progress(done, len(pictures))
+
+
+def _figure(side_pixels: int) -> Figure:
     figure = Figure(figsize=(SIDE_INCHES, SIDE_INCHES), dpi=side_pixels / SIDE_INCHES)
     FigureCanvasAgg(figure)
+    return figure
+
+
+def _parts(shapes: Sequence[Shape], view: Array) -> list[tuple[Array, Colour]]:
+    """Return points (k, 3) as they are seen, whose hulls are drawn, and colours; the far first."""
+    found = [
+        (outline @ view.T, shape.colour)
+        for shape in shapes
+        if shape.kind != "text"
+        for outline in _outlines(shape, view)
+    ]
+    # In a plane all are as near but for rounding, and keep their order.
+    return sorted(found, key=lambda part: round(float(part[0][:, 2].mean()), 9))
+
+
+def _compose(
+    figure: Figure,
+    view: Array,
+    parts: Sequence[tuple[Array, Colour]],
+    seen: Array,
+    meanings: set[str],
+    users: Mapping[str, Colour],
+) -> None:
+    """Draw parts where points (n, 3) are seen, with the scale bar, the axes and a legend."""
     axes = figure.add_axes((*SQUARE, SQUARE[2]))
     axes.set_aspect("equal")
     axes.set_axis_off()
-    seen = [shape for shape in shapes if shape.kind != "text"]
-    parts = [
-        (outline @ view.T, shape.colour) for shape in seen for outline in _outlines(shape, view)
-    ]
-    parts.sort(key=lambda part: float(part[0][:, 2].mean()))
     for outline, colour in parts:
         _fill(axes, outline[:, :2], colour)
-    _bar(figure, _frame(axes, np.vstack([outline[:, :2] for outline, _ in parts])))
+    _bar(figure, _frame(axes, seen))
     _world(figure, view)
-    _legend(figure, {shape.meaning for shape in seen}, users)
+    _legend(figure, meanings, users)
+
+
+def _title(figure: Figure, title: str, shapes: Sequence[Shape]) -> None:
     words = [shape.text for shape in shapes if shape.kind == "text"]
     figure.text(0.02, 0.97, "  ·  ".join([title, *words]), fontsize=LETTERS_PT, va="top")
-    figure.savefig(path)
 
 
 def _outlines(shape: Shape, view: Array) -> list[Array]:
     """Return (k, 3) points of the world whose hull is drawn, one array for each part."""
-    if shape.kind == "sphere":
+    if shape.kind == "sphere":  # or an ellipsoid: its rim, as it is seen
         turn = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
-        circle = np.column_stack((np.cos(turn), np.sin(turn))) @ view[:2]
-        return [shape.pose.translation + 0.5 * shape.size[0] * circle]
+        normals = np.column_stack((np.cos(turn), np.sin(turn))) @ view[:2]
+        axes = 0.5 * shape.pose.rotation * np.array(shape.size)
+        support = normals @ axes
+        rim = support @ axes.T / np.linalg.norm(support, axis=1, keepdims=True)
+        return [shape.pose.translation + rim]
     if shape.kind == "box":
         signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
         corners = 0.5 * signs * np.array(shape.size)
@@ -133,7 +203,7 @@ def _fill(axes: Axes, points: Array, colour: Colour) -> None:
 
 def _frame(axes: Axes, points: Array) -> float:
     """Put points in the middle of axes; return the length of their side, m."""
-    low, high = points.min(axis=0), points.max(axis=0)
+    low, high = points.min(axis=0)[:2], points.max(axis=0)[:2]
     half = (0.5 + MARGIN) * max(float((high - low).max()), 1e-6)
     centre = 0.5 * (low + high)
     axes.set_xlim(centre[0] - half, centre[0] + half)

@@ -105,9 +105,11 @@ LEGEND: dict[str, str] = {
     "springs": "spring",
     "rigid_directions": "rigid direction",
     "free_directions": "free direction",
+    "device": "hand",
+    "mass": "mass felt",
 }
-# Those that a user feels: they have the user's hue where there are several.
-FELT = frozenset({"rigid_directions", "free_directions"})
+# Those of one user: they have the user's hue where there are several.
+FELT = frozenset({"rigid_directions", "free_directions", "device", "mass"})
 # Namespace of a shape -> its colour; namespaces of axes have three.
 MEANING: dict[str, Colour] = {
     "links": LINK,
@@ -124,7 +126,7 @@ MEANING: dict[str, Colour] = {
     "point_command": (0.15, 0.45, 0.85, 1.0),
     "rigid_directions": (0.60, 0.35, 1.00, 0.9),
     "free_directions": (0.10, 0.65, 0.70, 0.45),
-    "device": (0.95, 0.75, 0.20, 0.6),
+    "device": (0.95, 0.75, 0.20, 0.85),
     "mass": (0.35, 0.55, 0.90, 0.25),
     "count": (0.90, 0.90, 0.90, 1.0),
 }

@@ -209,6 +209,11 @@ class Picture:
         return shapes
 
 
+def count_words(count: int) -> str:
+    """Return a number of joint constraints in words."""
+    return "1 joint constraint" if count == 1 else f"{count} joint constraints"
+
+
 def _point(name: str, pose: pin.SE3, unit: float) -> list[Shape]:
     length, shaft = AXIS_LENGTH * unit, AXIS_SHAFT * unit
     upright = pin.SE3(np.eye(3), pose.translation)
@@ -227,9 +232,10 @@ def _directions(
     analysis: OperationalAnalysis, count: int, place: Array, unit: float, look: Look
 ) -> list[Shape]:
     rigid, free = directions(analysis, count)
-    words = "1 joint constraint" if count == 1 else f"{count} joint constraints"
     above = place + np.array((0.0, 0.0, LETTERS_ABOVE * unit))
-    letters = text(above, look.words(words), LETTER_HEIGHT * unit, look.colour("count"))
+    letters = text(
+        above, look.words(count_words(count)), LETTER_HEIGHT * unit, look.colour("count")
+    )
     return [
         *direction_shapes("rigid_directions", rigid, place, unit, look),
         *direction_shapes("free_directions", free, place, unit, look),

@@ -13,7 +13,7 @@ from hapticmech_ros.cli import app
 from hapticmech_ros.errors import ClosureError
 from hapticmech_ros.view.drawn import ABOVE, ASIDE, draw_shapes, scale_of, view_from
 from hapticmech_ros.view.palette import CLOSED, LINK, OPEN, SOLID
-from hapticmech_ros.view.shapes import arrow, box, cylinder, sphere, strip, text
+from hapticmech_ros.view.shapes import Shape, arrow, box, cylinder, sphere, strip, text
 from hapticmech_ros.view.still import draw_scene
 
 RED, BLUE = (1.0, 0.0, 0.0, 1.0), (0.0, 0.0, 1.0, 1.0)
@@ -41,6 +41,15 @@ def test_from_above_x_is_right_and_y_is_up(tmp_path):
     rows, columns = pixels(path, CLOSED)
     assert np.median(pixels(path, RED)[1]) > np.median(columns) + 100
     assert np.median(pixels(path, BLUE)[0]) < np.median(rows) - 100
+
+
+def test_an_ellipsoid_is_as_long_as_its_axes(tmp_path):
+    path, turned = tmp_path / "a.png", pin.SE3(pin.rpy.rpyToMatrix(0.3, 0.5, 0.7), np.zeros(3))
+    draw_shapes([Shape("mass", 0, "sphere", turned, (4.0, 2.0, 1.0), RED)], path, planar=True)
+    rows, columns = pixels(path, RED)
+    # Half its width in a direction is |A^T d| of its map A from the unit sphere.
+    half = np.linalg.norm(turned.rotation * np.array((2.0, 1.0, 0.5)), axis=1)
+    assert np.ptp(columns) / np.ptp(rows) == pytest.approx(half[0] / half[1], rel=0.01)
 
 
 def test_what_is_nearer_hides_what_is_behind(tmp_path):
