@@ -240,21 +240,18 @@ class Page:
 
     def click_text(self, tag: str, words: str) -> None:
         """Click an element with this tag, and these words alone."""
+        # Where it is, if two pictures later it is still there: folders open slowly.
         wanted = (
-            f"(() => {{ const e = [...document.querySelectorAll({tag!r})]"
+            f"(() => {{ const at = () => {{ const e = [...document.querySelectorAll({tag!r})]"
             f".filter(e => e.textContent.trim() === {words!r} && e.getClientRects().length)[0];"
             " if (!e) return null; e.scrollIntoView({block: 'center'});"
             " const r = e.getBoundingClientRect();"
-            " return [r.x + r.width / 2, r.y + r.height / 2]; })()"
+            " return [r.x + r.width / 2, r.y + r.height / 2]; };"
+            " const first = at(), later = requestAnimationFrame;"
+            " return new Promise(done => later(() => later(() => {"
+            " const last = at(); done(last && `${first}` === `${last}` ? last : null); }))); })()"
         )
-        before: list[object] = [None]
-
-        def still() -> list[float] | None:
-            """Return where it is, if it was there before: folders open slowly."""
-            before.append(self.ask(wanted))
-            return before[-1] if before[-1] == before[-2] else None  # type: ignore[return-value]
-
-        x, y = wait_until(still, f"{tag} {words!r}") or (0.0, 0.0)
+        x, y = wait_until(lambda: self.ask(wanted), f"{tag} {words!r}")
         self.click(x, y)
 
     def nudge(self, label: str) -> None:

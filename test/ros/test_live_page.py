@@ -107,7 +107,7 @@ def test_a_running_graph_is_dragged_tuned_and_let_go(
     page.wait_for_text("live-dragged", LINK)
     moved = lambda: np.abs(np.array(joints[-1].position) - before).max() > 0.05  # noqa: E731
     peer.until(moved, "the mechanism to be moved")
-    assert pushes[-1][1] > 0.0
+    assert any(force > 0.0 for _, force in pushes)
 
     page.close()
     closed = page.connection.ended() + time.time() - time.monotonic()
