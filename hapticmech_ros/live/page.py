@@ -32,6 +32,7 @@ from hapticmech_ros.live.page_controls import (
     words,
     you_html,
 )
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.view.drawn import draw_shapes
 
 Made = TypeVar("Made")
@@ -41,6 +42,8 @@ PICTURES_HZ, NUMBERS_HZ, PLOTS_HZ = 30.0, 10.0, 4.0
 REPEAT_S = 0.05
 BACKGROUND = (232, 236, 241)
 FIELD_OF_VIEW = float(np.deg2rad(45.0))
+# Share of a phone's height that viser's panel covers.
+COVERED = 0.6
 
 
 class LivePage:
@@ -85,7 +88,7 @@ class LivePage:
         self._picture: LivePicture | None = None
         self._newest: LiveState | None = None
         self._shown: Drawn | None = None
-        self._has_view = False
+        self._view: tuple[Array, Array, Array] | None = None
         self._number, self._name = 0, ""
         self._history = History()
         self._nodes = SceneNodes(server, self._dragged)
@@ -99,6 +102,7 @@ class LivePage:
         async def came(client: Any) -> None:
             number = client.client_id
             self._you[number] = client.gui.add_html(you_html(number, ""), order=-1.0)
+            self._fit(client)
 
         async def gone(client: Any) -> None:
             self._you.pop(client.client_id, None)
@@ -145,7 +149,7 @@ class LivePage:
             if state is None or picture is None:
                 continue
             self._history.add(state)
-            if not self._has_view:
+            if self._view is None:
                 self._with_viser(partial(self._look_at_scene, picture, state))
             if self.looked_at and self._due("picture", PICTURES_HZ):
                 self._with_viser(partial(self._show, picture.drawn(state, self._controls.hidden)))
@@ -183,7 +187,7 @@ class LivePage:
         self._history.begin(picture.users, picture.directions)
         self._nodes.clear()
         if new:
-            self._has_view = False
+            self._view = None
             self._controls.open(opened, picture.closures)
 
     def _show(self, new: Drawn) -> None:
@@ -198,9 +202,9 @@ class LivePage:
     def _look_at_scene(self, picture: LivePicture, state: LiveState) -> None:
         """Move all browsers' cameras to the new scene's default view."""
         # If possible before a browser connects: one that is starting applies only a part of it.
-        self._has_view = True
         frame = picture.draw(state, self._controls.hidden)
         eye, centre, up = first_view(frame.shapes, picture.planar)
+        self._view = eye, centre, up
         self._server.scene.set_up_direction("+y" if picture.planar else "+z")
         ground = ground_below(frame.shapes, picture.planar)
         self._nodes.stand_on(ground)
@@ -214,6 +218,20 @@ class LivePage:
             name = "up" if camera is self._server.initial_camera else "up_direction"
             setattr(camera, name, up)
             camera.position, camera.look_at = eye, centre
+        for client in self._server.get_clients().values():
+            self._fit(client)
+
+    def _fit(self, client: Any) -> None:
+        """On a phone, show the scene above viser's panel, which covers the lower part."""
+        if self._view is None or (aspect := client.camera.aspect) >= 1.0:
+            return
+        eye, centre, up = self._view
+        away = (eye - centre) * max(1.0 / (1.0 - COVERED), 1.0 / aspect)
+        near = away / np.linalg.norm(away)
+        high = 2.0 * np.tan(0.5 * FIELD_OF_VIEW) * np.linalg.norm(away)
+        upright = up - (up @ near) * near
+        centre = centre - 0.5 * COVERED * high * upright / np.linalg.norm(upright)
+        client.camera.position, client.camera.look_at = centre + away, centre
 
     def _dragged(self, event: Any, link: str | None) -> None:
         """By mouse: drag a link, the hand that is seen there, or nothing if there is none."""

@@ -67,7 +67,7 @@ def gain_sliders(scene: Scene) -> list[Slider]:
     found = []
     for key, label, is_share in _GAINS:
         value = float(reduce(getattr, key.split("."), scene))  # type: ignore[arg-type]
-        highest = 1.0 if is_share or value == 0.0 else _TIMES * value
+        highest = 1.0 if is_share or value == 0.0 else float(f"{_TIMES * value:.3g}")
         found.append(Slider(key, label, value, highest))
     return found
 
