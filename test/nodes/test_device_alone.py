@@ -4,14 +4,19 @@
 
 from __future__ import annotations
 
+import math
+from operator import attrgetter
+
 import numpy as np
 import pytest
 
 from benchmarks.reliability.fake_graph import FakeGraph
+from hapticmech_ros import Session, load_scene
 from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.scene.hand import STILL_HAND
-from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.wrench import encode_wrench
+from nodes.stand_ins import heard, last_sample
+from ros.harness import scene_like, six
 
 
 def moved(graph, force, seconds):
@@ -21,7 +26,7 @@ def moved(graph, force, seconds):
     for _ in range(round(1000 * seconds)):
         graph.put("/device/servo_cf", encode_wrench(wrench, graph.now_ns))
         graph.run(1e-3)
-        places.append(sample(graph, "position"))
+        places.append(last_sample(graph).sample.position.copy())
     return np.array(places) - places[0]
 
 
@@ -43,15 +48,9 @@ def test_the_scene_s_hand_alone_pushes_the_device_away():
     assert np.abs(moved(graph, 0.0, 3.0)[-1]).max() > 0.5
 
 
-def sample(graph, name):
-    """Return a part of the device's last sample."""
-    values = np.frombuffer(graph.last["/device/state"][-8 * DeviceStateMessage.layout.size :])
-    return values[DeviceStateMessage.layout.slice(name)]
-
-
 @pytest.mark.parametrize(
     ("topic", "timeout", "acts"),
-    [("servo_cf", "command_timeout", "applied"), ("hand_cf", "hand_timeout", "hand_wrench")],
+    [("servo_cf", "command_timeout", "applied"), ("hand_cf", "hand_timeout", "sample.hand_wrench")],
 )
 def test_a_wrench_stands_as_long_as_a_parameter_says_that_can_change(topic, timeout, acts):
     given = {"haptic_device": {"hand": "commanded", timeout: 0.02}}
@@ -63,7 +62,7 @@ def test_a_wrench_stands_as_long_as_a_parameter_says_that_can_change(topic, time
         stood.append(0)
         for _ in range(400):
             graph.run(1e-3)
-            stood[-1] += bool(sample(graph, acts).any())
+            stood[-1] += bool(attrgetter(acts)(last_sample(graph)).any())
     assert 18 <= stood[0] < 300
     assert stood[1] - stood[0] == 30
 
@@ -78,3 +77,37 @@ def test_how_often_people_are_told_is_a_parameter_that_can_change():
         told.clear()
         graph.run(1.0)
         assert told.count("/device/measured_cp") == pytest.approx(rate, abs=1)
+
+
+# Nothing moves it, and people are told of every sample.
+QUICK = {"haptic_device": {"wait_for_start": True, "view_rate": 1000.0}}
+
+
+def test_it_measures_pose_twist_and_hand_wrench_in_world():
+    graph = FakeGraph("five_bar", actors=[HapticDevice], parameters=QUICK)
+    names = "measured_cp", "measured_cv", "hand/measured_cf"
+    streams = heard(graph, *(f"/device/{name}" for name in names))
+    graph.run(0.05)
+    start = Session(load_scene("five_bar")).tick().point.pose.translation
+    for number in (0, -1):
+        pose, twist, force = (stream[number] for stream in streams)
+        position = pose.pose.position
+        # The device starts at the operational point and nothing pushes it: equal to the last bit
+        # but for the scene's own closing to 1e-12.
+        assert math.dist((position.x, position.y, position.z), start) < 1e-11
+        assert six(twist) == six(force) == [0.0] * 6
+        # One sample has one stamp, whichever of its messages is heard.
+        assert pose.header == twist.header == force.header
+        assert pose.header.frame_id == "world"
+
+
+def test_compensation_begins_and_ends_with_the_commands(tmp_path):
+    weight = {"compensation": {"gravity": True}, "gravity_load": [0.0, -0.4, 0.0]}
+    scene = scene_like(tmp_path, "five_bar", device={**weight, "coulomb_friction": 0.5})
+    graph = FakeGraph(scene, actors=[HapticDevice], parameters=QUICK)
+    graph.run(0.1)
+    assert not last_sample(graph).applied.any()
+    moved(graph, 0.0, 0.3)
+    assert last_sample(graph).applied.tolist() == [0.0, 0.4, 0.0, 0.0, 0.0, 0.0]
+    graph.run(0.1)
+    assert not last_sample(graph).applied.any()
