@@ -9,6 +9,7 @@ from functools import cache
 
 import numpy as np
 import pinocchio as pin
+import pytest
 from geometry_msgs.msg import PoseStamped, TwistStamped
 
 from benchmarks.reliability.fake_graph import FakeGraph
@@ -22,6 +23,7 @@ from hapticmech_ros.control.measurements import (
 )
 from hapticmech_ros.control.tuning import tuned
 from hapticmech_ros.mechanism.closures import flat_grasps
+from hapticmech_ros.nodes.inputs import SampleAge
 from hapticmech_ros.nodes.messages import write_pose
 from hapticmech_ros.nodes.teleoperation_controller import TeleoperationController
 from hapticmech_ros.scene.controller import Controller
@@ -34,6 +36,12 @@ from ros.harness import scene_like, six
 SCENE = load_scene("five_bar")
 POSES, MODELS = "/device/measured_cp", "/analysis/handle/operational_model"
 HAND = (-0.5, 0.2, 0.0, 0.0, 0.0, -0.0025)
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_late(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the machine's clock, which goes on faster than the graph's where others work too."""
+    monkeypatch.setattr(SampleAge, "beyond", lambda *_: 0)
 
 
 @cache
@@ -69,13 +77,15 @@ class World:
     What devices tell in one message, ``device/state``, is answered in lockstep as in a session.
     """
 
-    def __init__(self, scene: str = "five_bar") -> None:
-        self.graph = FakeGraph(scene, actors=[TeleoperationController])
+    def __init__(self, scene: str = "five_bar", **parameters: object) -> None:
+        given = {"teleoperation_controller": parameters}
+        self.graph = FakeGraph(scene, actors=[TeleoperationController], parameters=given)
         self.host = self.graph.hosts["teleoperation_controller"]
         self.commands, self.to_mechanism = heard(
             self.graph, "/device/servo_cf", "/mechanism/handle/servo_cf"
         )
-        self.commanded = True
+        # Of all that the device tells.
+        self.commanded, self.frame = True, "world"
 
     def model(self) -> bytes:
         """Return what the analyser tells now."""
@@ -90,17 +100,23 @@ class World:
         told.s[:], told.commanded = s, self.commanded
         return bytes(FlatArray(OperationalModelMessage.layout).encode(told.values))
 
-    def run(self, seconds: float, offset: float = 0.0, mechanism: bool = True) -> None:
-        """Tell measurements each period for a while, of a device ``offset`` m aside in y."""
-        pose = PoseStamped()
+    def run(
+        self, seconds: float, offset: float = 0.0, mechanism: bool = True, speed: float = 0.0
+    ) -> None:
+        """Tell measurements each period for a while, of a device ``offset`` m aside in y.
+
+        It says that it moves at ``speed``, m/s.
+        """
+        pose, twist = PoseStamped(), TwistStamped()
+        twist.twist.linear.x = speed
         for _ in range(round(1000 * seconds)):
             if mechanism:
                 self.graph.put(MODELS, self.model())
-            push(self.graph, "/device/hand/measured_cf", HAND)
-            say(self.graph, "/device/measured_cv", TwistStamped())
+            push(self.graph, "/device/hand/measured_cf", HAND, self.frame)
+            say(self.graph, "/device/measured_cv", twist, self.frame)
             write_pose(pose, aside(offset), 0)
             # It triggers the answer: the rest has to be there before it.
-            say(self.graph, POSES, pose)
+            say(self.graph, POSES, pose, self.frame)
             self.graph.run(1e-3)
 
 
@@ -116,8 +132,8 @@ def test_answers_as_the_core_does_and_changes_gains_without_a_step() -> None:
     assert np.abs(expected.device - last).max() > 0.5
     world = World()
     # In steps that are no jump of a device.
-    for offset in np.linspace(0.0, 1e-3, 6):
-        world.run(0.2, offset)
+    for offset in np.linspace(0.0, 1e-3, 11):
+        world.run(0.1, offset)
     # Poses travel as quaternions: rounding of 1e-16 rad times stiffnesses of thousands.
     assert off(expected.device, world.commands) < 1e-10
     assert off(expected.mechanism, world.to_mechanism) < 1e-10
@@ -186,6 +202,61 @@ def test_bad_measurements_are_refused() -> None:
     assert world.host.refused == number + 2
     world.graph.run(0.05)
     assert not world.commands
+
+
+@pytest.mark.parametrize(
+    ("offset", "speed", "said"),
+    [
+        (0.2, 0.0, "the device has moved by 200 mm more or less than its twist"),
+        (0.0, 0.3, "more or less than its twist implies"),
+        (0.0, 8.0, "8 m/s, device.motion.speed is 5; are these millimetres?"),
+    ],
+    ids=["elsewhere", "stands-still", "too-fast"],
+)
+def test_what_is_no_motion_of_a_device_is_not_felt(offset: float, speed: float, said: str) -> None:
+    world = World()
+    world.run(0.5)
+    actor = world.host.actor
+    engagements, seen = actor.engagements, len(world.commands)
+    world.run(0.1, offset, speed=speed)
+    assert int(actor.status()[2]["motion_faults"]) > 0
+    if speed:
+        assert actor.status()[1].startswith("disengaged: the device")
+        assert said in actor.status()[1]
+        seen = len(world.commands)
+        world.run(0.5, speed=speed)
+        assert not any(any(six(command)) for command in world.commands[seen:])
+    # It goes on where the device is now.
+    world.run(1.0, offset)
+    assert actor.engagements > engagements
+    assert max(np.abs(six(command)[:3]).max() for command in world.commands[seen:]) < 1.0
+
+
+@pytest.mark.parametrize(
+    ("frame", "remedy"),
+    [
+        ("MTMR_base", "if its axes are the world's, let device_frame be 'MTMR_base'"),
+        ("/world", "without the slash of tf's old spelling"),
+    ],
+)
+def test_what_is_told_in_another_frame_is_refused_with_what_mends_it(
+    frame: str, remedy: str
+) -> None:
+    world = World()
+    world.frame = frame
+    world.run(0.05)
+    sentence = world.host.actor.status()[1]
+    assert f"{POSES} (refused: frame_id: must be 'world'" in sentence
+    assert remedy in sentence
+    assert f"(got '{frame}')" in sentence
+    assert not world.commands
+
+
+def test_a_frame_that_is_told_is_taken() -> None:
+    world = World(device_frame="MTMR_base")
+    world.frame = "MTMR_base"
+    world.run(0.1)
+    assert len(world.commands) > 20
 
 
 def test_a_loop_without_delay_margin_is_warned_of(tmp_path) -> None:
