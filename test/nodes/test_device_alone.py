@@ -15,8 +15,8 @@ from hapticmech_ros import Session, load_scene
 from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.scene.hand import STILL_HAND
 from hapticmech_ros.wire.wrench import encode_wrench
-from nodes.stand_ins import heard, last_sample
-from ros.harness import scene_like, six
+from nodes.stand_ins import heard, last_sample, push
+from ros.harness import allowing, scene_like, six
 
 
 def moved(graph, force, seconds):
@@ -111,3 +111,55 @@ def test_compensation_begins_and_ends_with_the_commands(tmp_path):
     assert last_sample(graph).applied.tolist() == [0.0, 0.4, 0.0, 0.0, 0.0, 0.0]
     graph.run(0.1)
     assert not last_sample(graph).applied.any()
+
+
+def test_a_deactivated_device_lets_go_and_begins_anew_where_it_is():
+    graph = FakeGraph("five_bar", actors=[HapticDevice])
+    host = graph.hosts["haptic_device"]
+    moved(graph, 0.5, 0.5)
+    before = last_sample(graph)
+    assert before.applied.any()
+    assert before.sample.hand_wrench.any()
+    place = before.sample.position.copy()
+    host.end()
+    last = graph.last["/device/state"]
+    # Commands to an inactive device are for nobody, not even for later.
+    graph.put("/device/servo_cf", encode_wrench(np.ones(6), graph.now_ns))
+    graph.run(0.05)
+    assert graph.last["/device/state"] is last
+    host.begin()
+    graph.run(0.1)
+    after = last_sample(graph)
+    assert not (after.applied.any())
+    assert not (after.sample.hand_wrench.any())
+    assert not (after.sample.twist.any())
+    # It moves on between its last sample and its end by less than the hand can move it.
+    assert np.abs(after.sample.position - place).max() < 1e-3
+    moved(graph, 0.5, 0.5)
+    assert last_sample(graph).sample.hand_wrench.any()
+
+
+def test_limits_slew_ramp_and_workspace_hold_and_are_told(tmp_path):
+    limits = {
+        "force_limit": 2.0,
+        "torque_limit": 0.01,
+        # Less than the ramp asks for: 2 N in 0.05 s.
+        "force_slew": 20.0,
+        "start_ramp": 0.05,
+        "workspace_radius": 0.005,
+    }
+    given = {"haptic_device": {"hand": "commanded", **limits}}
+    scene = allowing(tmp_path, start_ramp=0.05)
+    graph, applied = FakeGraph(scene, actors=[HapticDevice], parameters=given), []
+    for _ in range(500):
+        push(graph, "/device/servo_cf", (5.0, 0.0, 0.0, 0.0, 0.0, 0.5))
+        graph.run(1e-3)
+        applied.append(last_sample(graph).applied.copy())
+    forces = np.array(applied)
+    steps = np.linalg.norm(np.diff(forces[:, :3], axis=0), axis=1)
+    assert 1.5 < np.linalg.norm(forces[:, :3], axis=1).max() <= 2.0 * (1 + 1e-12)
+    assert steps[: int(2.0 / 20.0 * 1000) // 2].max() <= 20.0 * 1e-3 * (1 + 1e-9)
+    assert np.abs(forces[:, 3:]).max() <= 0.01 * (1 + 1e-12)
+    told = graph.actor("haptic_device").status()[2]
+    for name in ("force_limit", "force_slew", "workspace"):
+        assert int(told[f"limited_by_{name}"]) > 0

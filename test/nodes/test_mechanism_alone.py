@@ -10,6 +10,7 @@ from std_srvs.srv import SetBool
 
 from benchmarks.reliability.fake_graph import FakeGraph
 from hapticmech_ros import Simulator, load_scene
+from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes.mechanism_simulator import MechanismSimulator
 from nodes.stand_ins import heard, push
 from oracles.kinematics import link_poses
@@ -34,6 +35,12 @@ def test_it_tells_joints_pose_and_closures():
     assert poses[-1].header.frame_id == "world"
     closures = graph.last["/mechanism/closures"]
     assert (list(closures.data), closures.layout.dim[0].label) == ([1], "ground_pin")
+
+
+def test_a_timeout_that_cannot_hold_is_refused_while_it_runs():
+    actor = alone("five_bar").actor(NODE)
+    with pytest.raises(InvalidInputError, match="command_timeout: must be 0 or at least 3 periods"):
+        actor.validate_parameters(actor.parameters.model_copy(update={"command_timeout": 0.002}))
 
 
 def test_closures_open_and_close_by_service():

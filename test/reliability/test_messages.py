@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from geometry_msgs.msg import PoseStamped, WrenchStamped
+from geometry_msgs.msg import PoseStamped
 from rclpy.serialization import serialize_message
 
 from benchmarks.reliability.fake_graph import ACTORS, START_NS, FakeGraph, Host
@@ -21,13 +21,11 @@ from hapticmech_ros.errors import OutputError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.actor import MOST_DEFECTS
 from hapticmech_ros.nodes.haptic_device import HapticDevice
-from hapticmech_ros.nodes.messages import set_stamp
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.scene import document_of
-from hapticmech_ros.wire.bounds import read
-from hapticmech_ros.wire.cdr import decode
-from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.wrench import decode_wrench
+from nodes.stand_ins import heard, last_sample, say
+from nodes.stand_ins import push as push_wrench
 from sampling import sampled
 
 CONTROLLER, DEVICE = "teleoperation_controller", "haptic_device"
@@ -92,12 +90,8 @@ def unharmed(graph):
     assert graph.seen.not_finite == graph.seen.beyond == 0
 
 
-def push(graph, topic, force):
-    message = WrenchStamped()
-    message.header.frame_id = "world"
-    set_stamp(message.header.stamp, graph.now_ns)
-    message.wrench.force.x = force
-    graph.put(topic, serialize_message(message))
+def push(graph, topic, force, torque=0.0):
+    push_wrench(graph, topic, (force, 0.0, 0.0, 0.0, 0.0, torque))
 
 
 def changed(graph, topic, where, value):
@@ -153,6 +147,39 @@ def test_pushes_beyond_reason_are_refused(unmoved, topic):
     unharmed(unmoved)
 
 
+@pytest.mark.parametrize(
+    ("node", "topic"),
+    [
+        (DEVICE, "/device/servo_cf"),
+        (MECHANISM, "/mechanism/handle/servo_cf"),
+        (MECHANISM, "/mechanism/handle/external_cf"),
+    ],
+)
+def test_bad_wrenches_are_refused_and_move_nothing(node, topic):
+    kind = next(kind for kind in FOUR if kind.name == node)
+    given = {DEVICE: {"wait_for_start": True}}
+    graph = FakeGraph("five_bar", [topic], [kind], given)
+    topics = heard(graph, f"/{topic.split('/')[1]}/measured_js")
+    graph.run(0.3)
+    host = graph.hosts[node]
+    for number, (wrench, how) in enumerate(
+        (
+            ([0.0, np.nan, 0.0, 0.0, 0.0, 0.0], {}),
+            ([0.0, 0.0, 0.0, 0.0, 0.0, np.inf], {}),
+            (np.eye(6)[0], {"frame": "base_link"}),
+            (np.eye(6)[0], {"late_s": 10.0}),
+            (np.eye(6)[0], {"late_s": -5.0}),
+        ),
+        1,
+    ):
+        push_wrench(graph, topic, wrench, **how)
+        assert host.refused == number
+    graph.run(0.3)
+    (joints,) = topics
+    assert len(joints) > 20
+    assert np.ptp([joint.position for joint in joints], axis=0).max() == 0.0
+
+
 @pytest.mark.parametrize("topic", [ON_LINK, HELD])
 def test_a_push_that_a_mechanism_cannot_bear_is_forgotten_and_the_graph_comes_back(fragile, topic):
     graph = fragile
@@ -178,15 +205,11 @@ def test_a_push_that_a_mechanism_cannot_bear_is_forgotten_and_the_graph_comes_ba
 def test_a_device_that_is_thrown_or_spun_comes_back(graph, force, torque):
     """Held by nobody it would go on at that speed, and nobody would ever render with it."""
     device, most = graph.actor(DEVICE), load_scene("five_bar").device.motion
-    message = WrenchStamped()
-    message.header.frame_id = "world"
-    set_stamp(message.header.stamp, graph.now_ns)
-    message.wrench.force.x, message.wrench.torque.z = force, torque
-    graph.put(ON_HAND, serialize_message(message))
+    push(graph, ON_HAND, force, torque)
     speeds = []
     for _ in range(1000):
         graph.tick()
-        twist = read(DeviceStateMessage, decode(graph.last["/device/state"])).sample.twist
+        twist = last_sample(graph).sample.twist.copy()
         speeds.append((np.linalg.norm(twist[:3]), np.linalg.norm(twist[3:])))
     assert device.failures.count >= 1
     assert device.failures.defects == 0
@@ -262,11 +285,9 @@ def test_a_mechanism_that_fails_again_at_once_begins_where_the_scene_does(fragil
 def hold_at(graph, x, y=0.0):
     """Ask for the peg's operational point to be put elsewhere on its link, m."""
     message = PoseStamped()
-    message.header.frame_id = "peg"
-    set_stamp(message.header.stamp, graph.now_ns)
     message.pose.position.x, message.pose.position.y = x, y
     message.pose.orientation.w = 1.0
-    graph.put("/mechanism/handle/set_operational_point", serialize_message(message))
+    say(graph, "/mechanism/handle/set_operational_point", message, "peg")
 
 
 def test_a_point_that_flies_faster_than_can_be_told_brings_the_mechanism_to_rest():
