@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 from geometry_msgs.msg import WrenchStamped
 from rclpy.serialization import deserialize_message, serialize_message
 
@@ -61,6 +62,11 @@ def push(
     for part, values in zip(parts, (wrench[:3], wrench[3:]), strict=True):
         part.x, part.y, part.z = map(float, values)
     say(graph, topic, message, frame, late_s)
+
+
+def applied(graph: Any) -> np.ndarray:
+    """Return what a graph's device applied by its last sample (6,), N and N m."""
+    return last_sample(graph).applied.copy()
 
 
 def last_sample(graph: Any) -> DeviceStateMessage:

@@ -16,7 +16,6 @@ from rclpy.serialization import serialize_message
 
 from benchmarks.reliability.fake_graph import ACTORS, START_NS, FakeGraph, Host
 from benchmarks.reliability.messages import run_in_process
-from benchmarks.reliability.outputs import applied_in
 from hapticmech_ros.errors import OutputError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.actor import MOST_DEFECTS
@@ -24,7 +23,7 @@ from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.scene import document_of
 from hapticmech_ros.wire.wrench import decode_wrench
-from nodes.stand_ins import heard, last_sample, say
+from nodes.stand_ins import applied, heard, last_sample, say
 from nodes.stand_ins import push as push_wrench
 from sampling import sampled
 
@@ -112,7 +111,7 @@ def graph_size(message):
 
 
 def force_now(graph):
-    return np.linalg.norm(applied_in(graph.last["/device/state"])[:3])
+    return np.linalg.norm(applied(graph)[:3])
 
 
 @pytest.mark.parametrize("topic", STATE_TOPICS)
@@ -475,7 +474,7 @@ def test_a_mechanism_that_stood_still_and_catches_up_is_held_by_nobody_meanwhile
         mechanism.active = not standing
         for _ in range(2 * ms):
             graph.tick()
-            forces.append(np.linalg.norm(applied_in(graph.last["/device/state"])[:3]))
+            forces.append(np.linalg.norm(applied(graph)[:3]))
 
     run(1000)
     before = max(forces)

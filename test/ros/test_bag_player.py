@@ -24,7 +24,6 @@ from std_srvs.srv import Trigger
 from commands import ran
 from hapticmech_ros.bag import BagReader, BagWriter
 from hapticmech_ros.bag.compare import compare
-from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.nodes.messages import LATCHED
 from hapticmech_ros.wire.cdr import FlatArray
 from ros.bag_processes import bag_command, ended
@@ -195,5 +194,4 @@ def test_says_what_cannot_be_played(in_domain: int, bag: Path, tmp_path: Path) -
         (bag, "--remap", "x"),
         (bag, "--start-offset", "5"),
     ):
-        with pytest.raises(HapticMechError):
-            ran("bag", "play", *arguments)
+        assert "error: " in ran("bag", "play", *arguments, code=1)

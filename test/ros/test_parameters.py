@@ -123,7 +123,10 @@ def test_nodes_take_their_own_dump_and_whole_numbers(
             # The same as a file at the start, with a whole number in it.
             dumps[f"/{node}"] = {"ros__parameters": {**dumped, "view_rate": 40}}
     path.write_text(yaml.safe_dump(dumps))
-    with running(",".join(NODES), domain, arguments=("--params-file", str(path))):
+    # After the shipped ones, which are taken too.
+    paths = [*(shared(f"config/{node}.yaml") for node in NODES), path]
+    files = [word for one in paths for word in ("--params-file", str(one))]
+    with running(",".join(NODES), domain, arguments=files):
         for node in NODES:
             assert peer.parameters_of(node, "view_rate") == [40.0]
 
@@ -137,9 +140,7 @@ def test_files_set_parameters_and_slips_are_named(
     theirs = {"ros__parameters": {"hand_timeout": 0.4, "view_rate": 25.0}}
     others = {"ros__parameters": {"view_rate": 11.0}}
     special.write_text(yaml.safe_dump({DEVICE: theirs, "mechanism_simulator": others}))
-    # The shipped one first, which names all of them.
-    paths = shared("config/haptic_device.yaml"), common, special
-    files = [word for path in paths for word in ("--params-file", str(path))]
+    files = ("--params-file", str(common), "--params-file", str(special))
     one = "-p", f"{DEVICE}:force_limit:=2.0"
     with running(DEVICE, domain, arguments=(*files, *one)):
         given = "view_rate", "message_age_limit", "hand_timeout", "force_limit"
