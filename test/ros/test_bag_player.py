@@ -21,7 +21,6 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray, UInt8
 from std_srvs.srv import Trigger
 
-from commands import ran
 from hapticmech_ros.bag import BagReader, BagWriter
 from hapticmech_ros.bag.compare import compare
 from hapticmech_ros.nodes.messages import LATCHED
@@ -186,12 +185,13 @@ def test_space_pauses(terminal: tuple[int, int], peer: Peer, domain: int, bag: P
         assert "space pauses" in end(player)
 
 
-def test_says_what_cannot_be_played(in_domain: int, bag: Path, tmp_path: Path) -> None:
+def test_says_what_cannot_be_played(domain: int, tmp_path: Path) -> None:
     for arguments in (
         (tmp_path / "nowhere",),
-        (bag, "/nothing"),
-        (bag, "--remap", "/nothing:=/x"),
-        (bag, "--remap", "x"),
-        (bag, "--start-offset", "5"),
+        (write(tmp_path / "bag"), "/nothing"),
+        (tmp_path / "bag", "--remap", "/nothing:=/x"),
+        (tmp_path / "bag", "--remap", "x"),
+        (tmp_path / "bag", "--start-offset", "5"),
     ):
-        ran("bag", "play", *arguments, code=1)
+        with bag_command(domain, "play", *arguments) as player:
+            assert player.wait(30.0) == 1

@@ -129,12 +129,8 @@ def actor(node: str, domain: int, **given: object) -> AbstractContextManager[Pop
 def test_a_crtk_client_moves_an_actor_and_understands_it(
     domain: int, peer: Peer, namespace: str, node: str
 ) -> None:
-    client, other = (CrtkClient(peer, namespace, qos) for qos in (RELIABLE, BEST_EFFORT))
+    client = CrtkClient(peer, namespace, RELIABLE)
     with actor(node, domain, view_rate=500.0):
-        # CRTK: stamp and frame of servo commands are recommended, not used, and may be left empty;
-        # its own clients leave them so.
-        other.push(0.005, *TURNING, frame="")
-        peer.until(lambda: min(map(len, other.measured)) > 5, "measurements")
         client.push(0.01, *TURNING)
         setpoints = peer.listen(f"{namespace}/setpoint_cf", WrenchStamped)
         back = [-2.0 * value for value in TURNING]
@@ -174,6 +170,19 @@ def test_a_crtk_client_moves_an_actor_and_understands_it(
     assert np.median(np.abs(slips).max(axis=1)) < 0.02 * speed
     if node == "haptic_device":
         _check_powers(setpoints, twists, joints)
+
+
+@pytest.mark.parametrize(("namespace", "node"), EVERY)
+def test_reliable_and_best_effort_peers_both_get_through(
+    domain: int, peer: Peer, namespace: str, node: str
+) -> None:
+    clients = [CrtkClient(peer, namespace, qos) for qos in (RELIABLE, BEST_EFFORT)]
+    with actor(node, domain):
+        for client in clients:
+            # CRTK: stamp and frame of servo commands are recommended, not used, and may be left
+            # empty; its own clients leave them so.
+            client.push(0.005, *TURNING, frame="")
+            peer.until(lambda client=client: min(map(len, client.measured)) > 5, "measurements")
 
 
 class StateClient:
