@@ -79,7 +79,3 @@ def test_the_stored_reference_is_what_its_command_computes() -> None:
     assert PROBLEMS["pendulum"].error(readings) < 1e-12
     windows = reference.parallelograms(10, PROBLEMS["n_four_bar_10"].times)
     assert PROBLEMS["n_four_bar_10"].error(windows) < 1e-12
-
-
-# What has loops of kinds that no problem has, and which peers take it.
-TIED: dict[str, set[str]] = {"rod": set(), "weld": {"mujoco", "pinocchio"}, "gear": set()}

@@ -125,16 +125,6 @@ def test_a_mouse_that_is_held_still_goes_on_pulling(page, served):
     page.wait_for_text("live-dragged", "nothing")
 
 
-def test_a_slider_changes_a_gain(page):
-    reset(page)
-    assert page.text("live-changed") == ""
-    page.click_text("p, span, div", "tune")
-    page.click_text("p, span, div", "gains")
-    page.nudge("constraint stiffness, N/m")
-    found = wait_until(lambda: page.text("live-changed"), "a changed gain")
-    assert found.startswith("controller.joint_constraint.stiffness=")
-
-
 def test_what_is_seen_is_saved_as_a_picture(page):
     page.click_text("p, span, div", "look")
     page.click_text("button", "save a picture")

@@ -11,9 +11,9 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import Bool
 
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
-from benchmarks.reliability.outputs import applied_in
 from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.wire.wrench import encode_wrench
+from nodes.stand_ins import applied
 from ros.harness import scene_like
 
 IN_ITS_AXES = "device.servo_axes=body"
@@ -23,7 +23,7 @@ def test_where_no_pose_was_heard_nothing_is_said_in_its_axes(tmp_path):
     """A device with ``device/state`` is not heard by its poses, and is commanded in the world's."""
     graph = FakeGraph(scene_like(tmp_path, "five_bar", IN_ITS_AXES), actors=ACTORS[:4])
     graph.run(0.5)
-    assert np.linalg.norm(applied_in(graph.last["/device/state"])[:3]) > 0.1
+    assert np.linalg.norm(applied(graph)[:3]) > 0.1
     assert "/device/body/servo_cf" not in graph.last
 
 
@@ -50,21 +50,21 @@ def commanded(graph, topic, seconds=0.3):
         graph.run(1e-3)
         axes = pose_of(graph).rotation.copy()
     # What acts came with the sample before.
-    return axes, applied_in(graph.last["/device/state"])
+    return axes, applied(graph)
 
 
 def test_a_device_obeys_wrenches_in_its_own_axes(alone):
-    axes, applied = commanded(alone, "/device/body/servo_cf")
+    axes, found = commanded(alone, "/device/body/servo_cf")
     expected = np.concatenate([axes @ WRENCH[:3], axes @ WRENCH[3:]])
     # The device turns a little from sample to sample.
-    np.testing.assert_allclose(applied, expected, atol=0.02 * np.abs(expected).max())
-    assert np.abs(applied - WRENCH).max() > 0.1 * np.abs(WRENCH).max()
+    np.testing.assert_allclose(found, expected, atol=0.02 * np.abs(expected).max())
+    assert np.abs(found - WRENCH).max() > 0.1 * np.abs(WRENCH).max()
 
 
 def test_such_wrenches_have_the_axes_of_the_world_on_request(alone):
     alone.put("/device/body/set_cf_orientation_absolute", serialize_message(Bool(data=True)))
-    _, applied = commanded(alone, "/device/body/servo_cf")
-    np.testing.assert_allclose(applied, WRENCH, atol=1e-12)
+    _, found = commanded(alone, "/device/body/servo_cf")
+    np.testing.assert_allclose(found, WRENCH, atol=1e-12)
 
 
 def test_one_form_is_obeyed_at_a_time(alone):
@@ -73,11 +73,11 @@ def test_one_form_is_obeyed_at_a_time(alone):
     alone.put("/device/body/servo_cf", encode_wrench(-WRENCH, alone.now_ns))
     assert host.refused == 1
     assert "while device/servo_cf is obeyed" in host.last_refusal
-    _, applied = commanded(alone, "/device/servo_cf", 0.02)
-    np.testing.assert_allclose(applied, WRENCH, atol=1e-12)
+    _, found = commanded(alone, "/device/servo_cf", 0.02)
+    np.testing.assert_allclose(found, WRENCH, atol=1e-12)
     # When one has lapsed, the other may speak.
     alone.run(0.1)
-    assert not applied_in(alone.last["/device/state"]).any()
+    assert not applied(alone).any()
     commanded(alone, "/device/body/servo_cf")
     assert host.refused == 1
 

@@ -8,6 +8,8 @@ import pytest
 
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph, Log
 from hapticmech_ros.nodes.controller_ports import EngagementLog
+from nodes.stand_ins import heard, last_sample
+from ros.harness import six
 
 
 class Said:
@@ -95,11 +97,16 @@ def test_of_those_that_are_counted_it_is_told_how_many_are_explained(said):
     )
 
 
-def test_a_stop_that_is_wanted_is_no_warning():
+def test_a_stop_that_is_wanted_is_no_warning_and_leaves_nobody_under_force():
     graph = FakeGraph("five_bar", actors=ACTORS[:4])
     graph.run(0.5)
     host = graph.hosts["teleoperation_controller"]
     assert ("info", "engaged") in host.log.lines
+    assert last_sample(graph).applied.any()
+    commands = heard(graph, "/device/servo_cf", "/mechanism/handle/servo_cf")
     host.end()
+    assert [[six(one) for one in received] for received in commands] == [[[0.0] * 6]] * 2
+    graph.run(0.01)
+    assert not last_sample(graph).applied.any()
     assert host.log.lines[-1] == ("info", "disengaged: deactivated")
     assert all(level != "warning" for level, _ in host.log.lines)

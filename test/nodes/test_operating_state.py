@@ -14,13 +14,13 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
-from benchmarks.reliability.outputs import applied_in
 from hapticmech_ros.nodes.operating_state import COMMANDS
 from hapticmech_ros.wire.topics import (
     EMERGENCY_STOP,
     TEXT,
     crtk_type,
 )
+from nodes.stand_ins import applied
 from sampling import sampled
 
 DEVICE, MECHANISM = "haptic_device", "mechanism_simulator"
@@ -37,7 +37,7 @@ def graph():
 
 
 def force_now(graph):
-    return float(np.linalg.norm(applied_in(graph.last["/device/state"])[:3]))
+    return float(np.linalg.norm(applied(graph)[:3]))
 
 
 def state_of(graph, node):

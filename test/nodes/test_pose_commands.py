@@ -15,16 +15,16 @@ from std_msgs.msg import Empty
 from std_srvs.srv import SetBool
 
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
-from benchmarks.reliability.outputs import applied_in
+from hapticmech_ros.control.measurements import device_of
 from hapticmech_ros.device.safety import ANGULAR_STIFFNESS, STIFFNESS, PositionServo, safety_limits
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.numerics.quaternions import quaternion_of
 from hapticmech_ros.scene.device import SERVO_ANGLE, Device, device_presets
-from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.topics import EMERGENCY_STOP
 from hapticmech_ros.wire.wrench import encode_wrench
+from nodes.stand_ins import applied, last_sample
 from ros.harness import scene_like
 
 PUSH = np.array([1.0, -0.5, 0.0, 0.0, 0.0, 2e-3])
@@ -40,10 +40,7 @@ def pushed(graph, seconds, wrench=PUSH, command=None):
 
 
 def state(graph):
-    values = np.frombuffer(graph.last["/device/state"][-8 * DeviceStateMessage.layout.size :])
-    position = values[DeviceStateMessage.layout.slice("position")]
-    quaternion = values[DeviceStateMessage.layout.slice("quaternion")]
-    return pin.SE3(pin.Quaternion(quaternion).toRotationMatrix(), position.copy())
+    return pin.SE3(device_of(last_sample(graph).sample.values).pose)
 
 
 def pose_message(pose, frame="world"):
@@ -57,10 +54,6 @@ def pose_message(pose, frame="world"):
 
 def say(graph, word):
     graph.put(f"/device/{word}", serialize_message(Empty()))
-
-
-def applied(graph):
-    return applied_in(graph.last["/device/state"])
 
 
 def begun(scene="five_bar", **parameters):

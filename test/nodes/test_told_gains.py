@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
-from benchmarks.reliability.outputs import applied_in
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.messages import LocalFeedbackGain
+from nodes.stand_ins import applied
 
 TOPIC = "/device/local_feedback_gain"
 DEVICE = "haptic_device"
@@ -28,11 +28,6 @@ def graph():
     assert found.hosts[DEVICE].actor.status()[0]
     assert applied(found).any()
     return found
-
-
-def applied(graph):
-    """Return what actuators apply (6,) by the device's last sample."""
-    return applied_in(graph.last["/device/state"])
 
 
 def gain_at(stamp_ns):

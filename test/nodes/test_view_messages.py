@@ -17,7 +17,6 @@ from hapticmech_ros.nodes.viewer.scene_viewer import (
     marker_array,
     marker_of,
     transform_message,
-    wrench_in,
 )
 from hapticmech_ros.view import NamedTransform, Picture, Placer, Snapshot
 from hapticmech_ros.view.shapes import arrow, box, cylinder, numbered, sphere, strip, text
@@ -92,10 +91,3 @@ def test_a_transform_is_its_frame() -> None:
     found = pose_of(message.transform.translation, message.transform.rotation)
     assert np.abs(found - POSE.homogeneous).max() < 1e-15
     assert message.header.stamp.sec * 10**9 + message.header.stamp.nanosec == NOW
-
-
-def test_a_wrench_keeps_its_numbers_in_another_frame() -> None:
-    message = wrench_in("handle_world", np.arange(6.0), NOW)
-    force, torque = message.wrench.force, message.wrench.torque
-    assert [force.x, force.y, force.z, torque.x, torque.y, torque.z] == list(range(6))
-    assert message.header.frame_id == "handle_world"

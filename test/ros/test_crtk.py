@@ -24,7 +24,6 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from hapticmech_ros.nodes.messages import LATCHED
 from hapticmech_ros.wire.topics import TOPICS
 from ros.crtk_messages import build
 from ros.harness import WAIT_S, Peer, Statuses, figures, running, six, unstamped
@@ -268,9 +267,11 @@ def test_a_client_enables_reads_renders_pauses_and_disables(
     node: str,
     state_kinds: tuple[Any, Any],
 ) -> None:
-    """As the scripts of CRTK's own client do with a device that runs already, in its types."""
+    """As the scripts of CRTK's own client do, in its types: with a mechanism that runs already."""
     motion = CrtkClient(peer, namespace, RELIABLE)
-    with actor(node, domain, diagnostics_period=0.1):
+    waits = node == "haptic_device"
+    with actor(node, domain, diagnostics_period=0.1, autostart=not waits):
+        assert not waits or peer.transition(node, "configure")
         peer.until(lambda: node in statuses, "diagnostics", 2 * WAIT_S)
         # Its state was told before this client came.
         client = StateClient(peer, namespace, state_kinds)
@@ -297,16 +298,6 @@ def test_a_client_enables_reads_renders_pauses_and_disables(
         stamps = [_time(message) for message in client.received]
         assert stamps == sorted(stamps)
         assert stamps[0] > 0.0
-
-
-def test_a_node_that_waits_is_enabled_by_a_client(domain: int, peer: Peer) -> None:
-    states = peer.listen("device/operating_state", String, LATCHED)
-    with running("haptic_device", domain, scene="spatial_arm", autostart=False):
-        assert peer.transition("haptic_device", "configure")
-        peer.until(lambda: states, "a state")
-        assert states[-1].data == "DISABLED"
-        StateClient(peer, "device", (String, String)).command("enable", "ENABLED")
-        assert peer.state_of("haptic_device") == "active"
 
 
 def test_verbs_of_crtk_have_its_types() -> None:

@@ -1,6 +1,9 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Pushes of other nodes: summed, held or expiring, on points and on links, in any frame."""
+"""Pushes of other nodes: found, summed, held or expiring, and slips in them named.
+
+What a push on a link or in another frame does: test/nodes/test_mechanism_alone.py.
+"""
 
 from __future__ import annotations
 
@@ -9,29 +12,10 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import WrenchStamped
 from rcl_interfaces.msg import Log
-from sensor_msgs.msg import JointState
 
-from hapticmech_ros import Simulator, load_scene
-from oracles.kinematics import link_poses
 from ros.harness import Peer, running, six
 
-SCENE = load_scene("spatial_arm")
 NODE = "mechanism_simulator"
-# Seven links turn about z, y, z, ... : where each stands, from the scene's own numbers.
-CHAIN = {
-    "links": [
-        {
-            "name": link.name,
-            "parent": link.parent,
-            "joint": {
-                "type": "revolute",
-                "axis": link.joint.axis,
-                "origin": {"xyz": link.joint.origin.xyz, "rpy": link.joint.origin.rpy},
-            },
-        }
-        for link in SCENE.links
-    ]
-}
 
 
 class Pushed:
@@ -40,7 +24,6 @@ class Pushed:
     def __init__(self, peer: Peer) -> None:
         self.peer = peer
         self.forces = peer.listen("mechanism/handle/measured_cf", WrenchStamped)
-        self.joints = peer.listen("mechanism/measured_js", JointState)
         self.statuses = peer.statuses()
         self.logs = peer.listen("/rosout", Log)
         self._pushing: dict[str, tuple[Any, tuple[float, ...], str]] = {}
@@ -125,52 +108,6 @@ def test_pushes_add_up_and_run_out_each_by_itself(domain: int, peer: Peer) -> No
         arm.until_force(0.0, -0.02, 0.01, 0.0, 0.0, 0.0)
         arm.push("handle/external_cf/persistent", *[0.0] * 6)
         arm.until_force(0.0, 0.0, 0.01, 0.0, 0.0, 0.0)
-
-
-def test_a_pushed_link_moves_the_mechanism_as_the_core_says(domain: int, peer: Peer) -> None:
-    arm = Pushed(peer)
-    wrench = np.array([0.1, 0.2, -0.3, 0.01, 0.0, 0.02])
-    fast = 0.2
-    with running(NODE, domain, "spatial_arm"):
-        arm.push("forearm/external_cf/persistent", *wrench)
-        arm.until(
-            lambda: arm.joints and np.abs(arm.joints[-1].velocity).max() > fast, "the arm to move"
-        )
-        moving = [m for m in arm.joints if np.abs(m.velocity).max() > fast]
-    simulator, found = Simulator(SCENE), np.array(moving[0].velocity)
-    state = simulator.initial_state()
-    # As fast as the arm was when it was seen first, however late that was on a busy machine.
-    for _ in range(10_000):
-        if np.abs(state.v).max() >= np.abs(found).max():
-            break
-        state = simulator.step(state, np.zeros((1, 6)), {"forearm": wrench})
-    assert np.abs(state.v).max() >= np.abs(found).max() > fast
-    cosine = found @ state.v / (np.linalg.norm(found) * np.linalg.norm(state.v))
-    assert cosine > 0.98
-    # What the contact at the handle is, is not changed by pushes on links.
-    assert all(six(force) == [0.0] * 6 for force in arm.forces)
-
-
-def test_axes_of_a_push_are_those_of_its_frame(domain: int, peer: Peer) -> None:
-    arm = Pushed(peer)
-    # So small that the arm stays where it is: the frames are those of the start.
-    force, torque = 1e-4 * np.array([1.0, 2.0, 3.0]), 1e-5 * np.array([3.0, -1.0, 2.0])
-    poses = link_poses(CHAIN, Simulator(SCENE).initial_state().q)
-    hand = poses["hand"][0]
-    expected = {
-        "hand": hand,
-        "handle": hand,
-        "upper_arm": poses["upper_arm"][0],
-        "handle_world": np.eye(3),
-        "world": np.eye(3),
-    }
-    assert np.abs(hand - poses["upper_arm"][0]).max() > 0.3
-    with running(NODE, domain, "spatial_arm"):
-        for frame, turn in expected.items():
-            arm.push("handle/external_cf/persistent", *force, *torque, frame=frame)
-            # Only the axes turn: the force acts at the handle, and brings no torque of its own.
-            arm.until_force(*(turn @ force), *(turn @ torque), tolerance=1e-6)
-            assert np.abs(np.array(arm.joints[-1].velocity)).max() < 0.1
 
 
 def test_slips_are_refused_and_named(domain: int, peer: Peer) -> None:

@@ -98,16 +98,14 @@ def _alive(pid: int) -> bool:
     return status.rsplit(")", 1)[1].split()[0] != "Z"
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_the_run_command_ends_its_graph(
-    domain: int, peer: Peer, statuses: Statuses, number: signal.Signals
-) -> None:
+def test_the_run_command_ends_its_graph(domain: int, peer: Peer, statuses: Statuses) -> None:
+    """By SIGTERM; by SIGINT: test_documented_commands.py."""
     command = [sys.executable, "-m", "hapticmech_ros", "run", "two_link", "--composed"]
     with program(domain, *command, "--control-rate", f"{RATE:g}") as process:
         peer.until(lambda: set(NODES) <= set(statuses), "the graph")
         # Of what was never rendered the end is no success.
         peer.until(lambda: statuses["haptic_device"].message == "rendering", "a force")
-        process.send_signal(number)
+        process.send_signal(signal.SIGTERM)
         assert process.wait(10.0) == 0
         statuses.clear()
         peer.run(1.5)

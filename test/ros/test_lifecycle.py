@@ -16,10 +16,8 @@ from std_msgs.msg import Float64MultiArray
 from hapticmech_ros import Simulator, load_scene
 from hapticmech_ros.bag.check import OPTIONAL
 from hapticmech_ros.nodes.entry import NODES
-from hapticmech_ros.wire.bounds import read
-from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.topics import TOPICS
-from ros.harness import Peer, Statuses, running, six
+from ros.harness import Peer, Statuses, running
 
 ALL = ",".join(NODES)
 # Where ROS 2 itself publishes, for every managed node.
@@ -72,8 +70,11 @@ def test_nodes_left_to_others_go_up_and_down_by_services(domain: int, peer: Peer
         peer.until(lambda: all(seen()[node] > before[node] + 100 for node in NODES), "work again")
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("steps", [None, (), ("configure",)], ids=["active", "new", "inactive"])
+@pytest.mark.parametrize(
+    ("steps", "number"),
+    [(None, signal.SIGINT), ((), signal.SIGINT), (("configure",), signal.SIGTERM)],
+    ids=["active", "new", "inactive"],
+)
 def test_two_signals_end_a_node_in_any_state(
     domain: int, peer: Peer, steps: tuple[str, ...] | None, number: signal.Signals
 ) -> None:
@@ -115,82 +116,6 @@ def test_a_bad_scene_is_refused_and_a_good_one_taken(
     error = capfd.readouterr().err
     assert "no_such_scene" in error
     assert "nowhere" in error
-
-
-def test_a_deactivated_device_lets_go(domain: int, peer: Peer) -> None:
-    samples = peer.listen("device/state", Float64MultiArray)
-    with running("haptic_device", domain):
-        command = peer.publisher("device/servo_cf", WrenchStamped)
-
-        def pushing() -> bool:
-            command.publish(peer.wrench(0.5, 0.0, 0.0, 0.0, 0.0, 0.0))
-            return (
-                bool(samples)
-                and read(DeviceStateMessage, samples[-1].data).sample.hand_wrench.any()
-            )
-
-        peer.until(pushing, "the hand pushing")
-        assert peer.transition("haptic_device", "deactivate")
-        peer.run(QUIET_S)
-        last = read(DeviceStateMessage, samples[-1].data)
-        seen = len(samples)
-        # Commands to an inactive device are for nobody, not even for later.
-        for _ in range(20):
-            command.publish(peer.wrench(0.5, 0.0, 0.0, 0.0, 0.0, 0.0))
-            peer.run(0.01)
-        assert len(samples) == seen
-        assert peer.transition("haptic_device", "activate")
-        peer.until(lambda: len(samples) > seen + 100, "samples again")
-        after = [read(DeviceStateMessage, message.data) for message in samples[seen:]]
-        for sample in after:
-            assert not sample.applied.any()
-            assert not sample.sample.hand_wrench.any()
-            assert not sample.sample.twist.any()
-        assert np.abs(after[0].sample.position - last.sample.position).max() < (
-            # It moves on between its last sample and its end by less than the hand can move it.
-            1e-3
-        )
-        peer.until(pushing, "the hand pushing again")
-
-
-def test_a_deactivated_controller_leaves_nobody_under_force(
-    domain: int, peer: Peer, statuses: Statuses
-) -> None:
-    commands = {
-        name: peer.listen(name, WrenchStamped)
-        for name in ("device/servo_cf", "mechanism/handle/servo_cf")
-    }
-    samples = peer.listen("device/state", Float64MultiArray)
-    controller = "teleoperation_controller"
-    with running(ALL, domain, diagnostics_period=0.05):
-        for times in (1, 2, 3):
-            for name, received in commands.items():
-                peer.until(
-                    lambda received=received: received and any(six(received[-1])),
-                    f"force on {name}",
-                )
-            peer.until(
-                lambda times=times: (
-                    statuses.count(controller, "engagements") >= times
-                    and statuses.sentence(controller) == "engaged"
-                ),
-                "the engagement",
-            )
-            assert peer.transition(controller, "deactivate")
-
-            def at_zero() -> bool:
-                last = read(DeviceStateMessage, samples[-1].data)
-                told = all(six(received[-1]) == [0.0] * 6 for received in commands.values())
-                return told and not (last.applied.any() or last.sample.hand_wrench.any())
-
-            peer.until(at_zero, "zero on all")
-            peer.run(QUIET_S)
-            assert at_zero()
-            seen = {name: len(received) for name, received in commands.items()}
-            peer.run(QUIET_S)
-            assert {name: len(received) for name, received in commands.items()} == seen
-            peer.until(lambda: statuses.sentence(controller) == "inactive", "the status")
-            assert peer.transition(controller, "activate")
 
 
 def test_a_mechanism_goes_on_after_a_pause_and_anew_after_a_cleanup(

@@ -39,7 +39,7 @@ HAND = {
 }
 
 
-@pytest.mark.parametrize("sensor", ["measured", "estimated", "absent"])
+@pytest.mark.parametrize("sensor", ["estimated", "absent"])
 def test_a_run_in_lockstep_is_the_session(tmp_path: Path, sensor: str) -> None:
     device = {**DEVICE, "force_sensor": sensor}
     path = scene_like(tmp_path, "five_bar", device=device, hand=HAND)

@@ -106,26 +106,29 @@ def test_a_change_against_the_rules_changes_nothing(domain: int, peer: Peer) -> 
         assert peer.parameters_of(DEVICE, "scene", "hand") == ["two_link", "commanded"]
 
 
-@pytest.mark.parametrize("node", list(NODES))
-def test_a_node_takes_its_own_dump_and_whole_numbers(
-    node: str, domain: int, peer: Peer, tmp_path: Path
+def test_nodes_take_their_own_dump_and_whole_numbers(
+    domain: int, peer: Peer, tmp_path: Path
 ) -> None:
     """As `ros2 param dump` writes it and `param load` sets it; rclpy's own parameters apart."""
-    names = list(actor_type(node).parameters_type.model_fields)
-    with running(node, domain, view_rate=40):
-        dumped = dict(zip(names, peer.parameters_of(node, *names), strict=True))
-        assert dumped["view_rate"] == 40.0
-        assert type(dumped["view_rate"]) is float
-        result = peer.set_parameters(node, **dumped)
-        assert result.successful, result.reason
-        assert peer.set_parameters(node, view_rate=20).successful
-        assert peer.parameters_of(node, "view_rate") == [20.0]
-    # The same as a file at the start, with a whole number in it.
-    path = tmp_path / "dump.yaml"
-    dumped["view_rate"] = 40
-    path.write_text(yaml.safe_dump({f"/{node}": {"ros__parameters": dumped}}))
-    with running(node, domain, arguments=("--params-file", str(path))):
-        assert peer.parameters_of(node, "view_rate") == [40.0]
+    path, dumps = tmp_path / "dump.yaml", {}
+    with running(",".join(NODES), domain, view_rate=40):
+        for node in NODES:
+            names = list(actor_type(node).parameters_type.model_fields)
+            dumped = dict(zip(names, peer.parameters_of(node, *names), strict=True))
+            assert (dumped["view_rate"], type(dumped["view_rate"])) == (40.0, float)
+            result = peer.set_parameters(node, **dumped)
+            assert result.successful, result.reason
+            assert peer.set_parameters(node, view_rate=20).successful
+            assert peer.parameters_of(node, "view_rate") == [20.0]
+            # The same as a file at the start, with a whole number in it.
+            dumps[f"/{node}"] = {"ros__parameters": {**dumped, "view_rate": 40}}
+    path.write_text(yaml.safe_dump(dumps))
+    # After the shipped ones, which are taken too.
+    paths = [*(shared(f"config/{node}.yaml") for node in NODES), path]
+    files = [word for one in paths for word in ("--params-file", str(one))]
+    with running(",".join(NODES), domain, arguments=files):
+        for node in NODES:
+            assert peer.parameters_of(node, "view_rate") == [40.0]
 
 
 def test_files_set_parameters_and_slips_are_named(
@@ -138,19 +141,12 @@ def test_files_set_parameters_and_slips_are_named(
     others = {"ros__parameters": {"view_rate": 11.0}}
     special.write_text(yaml.safe_dump({DEVICE: theirs, "mechanism_simulator": others}))
     files = ("--params-file", str(common), "--params-file", str(special))
-    with running(DEVICE, domain, arguments=files):
-        found = peer.parameters_of(DEVICE, "view_rate", "message_age_limit", "hand_timeout")
-    assert found == [25.0, 0.5, 0.4]
+    one = "-p", f"{DEVICE}:force_limit:=2.0"
+    with running(DEVICE, domain, arguments=(*files, *one)):
+        given = "view_rate", "message_age_limit", "hand_timeout", "force_limit"
+        found = peer.parameters_of(DEVICE, *given)
+    assert found == [25.0, 0.5, 0.4, 2.0]
     error = capfd.readouterr().err
     assert "'veiw_rate'" in error
     assert "view_rate, " in error
     assert error.count("unknown parameter") == 1
-
-
-def test_the_shipped_file_is_taken(domain: int, peer: Peer) -> None:
-    path = shared("config/haptic_device.yaml")
-    arguments = ("--params-file", str(path), "-p", f"{DEVICE}:hand_timeout:=0.4")
-    fields = actor_type(DEVICE).parameters_type.model_fields
-    with running(DEVICE, domain, arguments=arguments):
-        found = dict(zip(fields, peer.parameters_of(DEVICE, *fields), strict=True))
-    assert found == {name: field.default for name, field in fields.items()} | {"hand_timeout": 0.4}

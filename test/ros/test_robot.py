@@ -171,32 +171,6 @@ def test_the_hand_feels_what_the_robot_touches(domain: int, peer: Peer) -> None:
         assert max(abs(six(message)[0]) for message in seen.felt) <= 20.0
 
 
-def test_the_sensor_is_tared_at_rest_only(domain: int, peer: Peer) -> None:
-    with following(domain, peer, "effort", wrench_topic="robot/wrench") as seen:
-        peer.until(lambda: seen.rests, "rest")
-        answers = []
-
-        peer.until(
-            lambda: "are needed" not in answers[-1].message,
-            "samples of the sensor",
-            doing=lambda: answers.append(
-                peer.call(Trigger, "robot/tare_wrench", Trigger.Request())
-            ),
-        )
-        assert (answers[-1].success, answers[-1].message) == (True, "the sensor is tared")
-        push = peer.publisher(f"mechanism/{POINT}/external_cf", WrenchStamped)
-
-        peer.until(
-            lambda: max(map(abs, seen.joints[-1].velocity)) > 0.1,
-            "a robot that moves",
-            3 * WAIT_S,
-            doing=lambda: push.publish(peer.wrench(1.0, 1.0, 0.0, 0.0, 0.0, 0.0)),
-        )
-        refused = peer.call(Trigger, "robot/tare_wrench", Trigger.Request())
-        assert not refused.success
-        assert "the robot moves" in refused.message
-
-
 def test_a_wrench_is_felt_in_the_axes_that_it_names(domain: int, peer: Peer) -> None:
     """2 N down: of a sensor that tells the base's axes, and of one with a frame of nobody."""
     with graph(domain, "effort", wrench_topic="ft/wrench") as processes:
@@ -250,7 +224,10 @@ def test_a_simulated_robot_whose_motion_is_lost_begins_anew(domain: int, peer: P
         assert max(map(abs, joints[-1].position)) < math.pi
 
 
-def test_without_a_target_the_robot_stands_and_carries_its_weight(domain: int, peer: Peer) -> None:
+def test_without_a_target_the_robot_stands_and_without_its_joints_its_weight_is_carried(
+    domain: int, peer: Peer
+) -> None:
+    model = Mechanism(load_scene(ROBOT))
     with following(domain, peer, "effort") as seen:
         seen.processes["mechanism"].kill()
         peer.until(lambda: int(seen.figure("target_stale") or 0) > 0, "a stale target")
@@ -263,11 +240,6 @@ def test_without_a_target_the_robot_stands_and_carries_its_weight(domain: int, p
         assert all(np.isfinite(order.data).all() for order in seen.orders)
         # Joint 2 carries the arm.
         assert abs(seen.orders[-1].data[1]) > 10.0
-
-
-def test_without_joint_states_the_weight_alone_is_carried(domain: int, peer: Peer) -> None:
-    model = Mechanism(load_scene(ROBOT))
-    with following(domain, peer, "effort") as seen:
         seen.processes["robot"].kill()
         peer.until(lambda: int(seen.figure("joints_stale") or 0) > 0, "stale joint states")
 
@@ -276,6 +248,30 @@ def test_without_joint_states_the_weight_alone_is_carried(domain: int, peer: Pee
             return np.allclose(seen.orders[-1].data, weight, rtol=1e-7, atol=1e-9)
 
         peer.until(carries_the_weight, "torques that carry the weight")
+
+
+def _is_tared_at_rest_only(seen: Watched) -> None:
+    peer = seen.peer
+    peer.until(lambda: seen.rests, "rest")
+    answers = []
+
+    peer.until(
+        lambda: "are needed" not in answers[-1].message,
+        "samples of the sensor",
+        doing=lambda: answers.append(peer.call(Trigger, "robot/tare_wrench", Trigger.Request())),
+    )
+    assert (answers[-1].success, answers[-1].message) == (True, "the sensor is tared")
+    push = peer.publisher(f"mechanism/{POINT}/external_cf", WrenchStamped)
+
+    peer.until(
+        lambda: max(map(abs, seen.joints[-1].velocity)) > 0.1,
+        "a robot that moves",
+        3 * WAIT_S,
+        doing=lambda: push.publish(peer.wrench(1.0, 1.0, 0.0, 0.0, 0.0, 0.0)),
+    )
+    refused = peer.call(Trigger, "robot/tare_wrench", Trigger.Request())
+    assert not refused.success
+    assert "the robot moves" in refused.message
 
 
 def test_rates_follow_delay_and_payload_and_change_while_it_follows(
@@ -309,3 +305,4 @@ def test_rates_follow_delay_and_payload_and_change_while_it_follows(
             refused(peer, "robot_follower", (rule,), **changed)
         assert acts(0.1)
         assert seen.figure("engagements") == "1"
+        _is_tared_at_rest_only(seen)

@@ -91,7 +91,7 @@ def test_a_path_may_have_an_apostrophe_and_spaces(domain: int, tmp_path: Path) -
     assert code == 0, output
 
 
-@pytest.mark.parametrize("namespace", ["two words", "1st", "a//b", "it's"])
+@pytest.mark.parametrize("namespace", ["two words", "a//b"])
 def test_a_namespace_that_ros_does_not_have_is_refused(domain: int, namespace: str) -> None:
     code, output = ended(domain, "five_bar", "--namespace", namespace)
     assert code == 1

@@ -199,9 +199,7 @@ def test_a_clock_that_is_set_puts_the_hand_at_zero_and_the_loop_begins_anew(
         assert step_s > 0.0 or begun_ns <= stamps[0] < stamps[-1] == loop.clock.now_ns
 
 
-@pytest.mark.parametrize(
-    ("seconds", "nanoseconds"), [(-1, 0), (-(2**31), 2**32 - 1), (2**31 - 1, 2**32 - 1)]
-)
+@pytest.mark.parametrize(("seconds", "nanoseconds"), [(-1, 0), (2**31 - 1, 2**32 - 1)])
 def test_time_that_no_stamp_can_hold_ends_nobody(
     domain: int, peer: Peer, soon: str, seconds: int, nanoseconds: int
 ) -> None:

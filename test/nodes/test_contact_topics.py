@@ -9,13 +9,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import PoseStamped, WrenchStamped
-from std_msgs.msg import Float64MultiArray
-from visualization_msgs.msg import Marker, MarkerArray
+from visualization_msgs.msg import Marker
 
+from benchmarks.reliability.fake_graph import FakeGraph
+from hapticmech_ros.nodes.mechanism_simulator import MechanismSimulator
+from hapticmech_ros.nodes.viewer.scene_viewer import SceneViewer
 from hapticmech_ros.wire.contact_points import ContactLayout
+from nodes.stand_ins import heard
 from oracles.touching import FLOOR, SHAPES, UPRIGHT, G, body, pair, scene, shape
-from ros.harness import Peer, running, six
+from ros.harness import six
 
 LAW = {"stiffness": 1e4, "damping": 300.0, "friction": 0.5}
 PAIRS = ("one_shape_floor", "two_shape_floor")
@@ -36,15 +38,12 @@ def scene_file(tmp_path: Path) -> str:
     return str(file)
 
 
-def test_every_point_and_every_pair_is_published(domain: int, peer: Peer, scene_file: str) -> None:
-    points = peer.listen("mechanism/contacts", Float64MultiArray)
-    wrenches = [
-        peer.listen(f"mechanism/contacts/{name}/measured_cf", WrenchStamped) for name in PAIRS
-    ]
-    poses = peer.listen("mechanism/held/measured_cp", PoseStamped)
-    with running("mechanism_simulator", domain, scene=scene_file):
-        peer.until(lambda: len(points) > 10 and all(len(w) > 10 for w in wrenches), "contacts")
-        peer.until(lambda: poses, "poses")
+def test_every_point_and_every_pair_is_published(scene_file: str) -> None:
+    graph = FakeGraph(scene_file, actors=[MechanismSimulator])
+    topics = [f"/mechanism/contacts/{name}/measured_cf" for name in PAIRS]
+    told = "/mechanism/contacts", "/mechanism/held/measured_cp", *topics
+    points, poses, *wrenches = heard(graph, *told)
+    graph.run(0.1)
     layout = ContactLayout(PAIRS)
     found = layout.unpack(np.array(points[-1].data))
     assert points[-1].layout.dim[0].label == "stamp:2,points/one_shape_floor/two_shape_floor:44"
@@ -64,17 +63,15 @@ def test_every_point_and_every_pair_is_published(domain: int, peer: Peer, scene_
     assert (np.diff(stamps) > 0).all()
 
 
-def test_the_viewer_draws_objects_and_the_forces_between_them(
-    domain: int, peer: Peer, scene_file: str
-) -> None:
-    pictures = peer.listen("view/markers", MarkerArray)
+def test_the_viewer_draws_objects_and_the_forces_between_them(scene_file: str) -> None:
+    graph = FakeGraph(scene_file, actors=[MechanismSimulator, SceneViewer])
+    graph.run(0.2)
 
     def places(namespace: str) -> list[Marker]:
-        found = pictures[-1].markers if pictures else []
-        return [m for m in found if m.ns == namespace and m.action == Marker.ADD]
+        drawn = graph.last["/view/markers"].markers
+        return [m for m in drawn if m.ns == namespace and m.action == Marker.ADD]
 
-    with running("mechanism_simulator,scene_viewer", domain, scene=scene_file):
-        peer.until(lambda: len(places("touch_force")) == 4, "forces at four corners")
+    assert len(places("touch_force")) == 4
     floor, one, two = places("solids")
     assert floor.scale.x > floor.scale.z
     assert (one.scale.x, one.scale.y, one.scale.z) == pytest.approx((0.1, 0.1, 0.1))
