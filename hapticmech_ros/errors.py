@@ -9,6 +9,7 @@ the message is there for people.
 from __future__ import annotations
 
 import difflib
+import math
 import reprlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -165,6 +166,28 @@ class InvalidInputError(HapticMechError):
         self.value = value
         self.rule = rule
         super().__init__(f"{what}: {rule} (got {shown(value)})")
+
+
+def check_positive(**values: float) -> None:
+    """Refuse numbers, each by its name, that are not positive and finite.
+
+    Raises:
+        InvalidInputError: one is not.
+    """
+    for name, value in values.items():
+        if not (math.isfinite(value) and value > 0.0):
+            raise InvalidInputError(name, value, "must be a positive number")
+
+
+def check_not_negative(**values: float) -> None:
+    """Refuse numbers, each by its name, that are negative or not finite.
+
+    Raises:
+        InvalidInputError: one is.
+    """
+    for name, value in values.items():
+        if not (math.isfinite(value) and value >= 0.0):
+            raise InvalidInputError(name, value, "must be a number of 0 or more")
 
 
 class OutputError(HapticMechError):

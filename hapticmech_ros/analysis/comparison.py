@@ -59,7 +59,7 @@ from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.architecture import LawControl, LawInput, device_inertia
 from hapticmech_ros.control.loop_stability import LoopTerms, spectral_radius
 from hapticmech_ros.control.measurements import operational_model_of
-from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.errors import HapticMechError, check_not_negative
 from hapticmech_ros.experiment.figure_style import (
     BLUE,
     GREY,
@@ -97,9 +97,7 @@ class ProxyControl(LawControl):
 
     def __init__(self, scene: Scene, stiffness: float, damping: float) -> None:
         super().__init__(scene, self._pulled)
-        for name, value in (("stiffness", stiffness), ("damping", damping)):
-            if not (np.isfinite(value) and value >= 0.0):
-                raise InvalidInputError(f"proxy's {name}", value, "must be 0 or more")
+        check_not_negative(stiffness=stiffness, damping=damping)
         self.spring = stiffness * self.device_inertia
         self.damper = damping * self.device_inertia
 
@@ -145,8 +143,7 @@ def stiffest_gains(scene: Scene, loop: Array, delay: int) -> tuple[float, float]
     Raises:
         InvalidInputError: a delay below 0.
     """
-    if delay < 0:
-        raise InvalidInputError("delay", delay, "must be 0 or more periods")
+    check_not_negative(delay=delay)
     period = scene.simulation.period
     latency = (delay + 0.5) * period
     best = (0.0, 0.0)
@@ -479,8 +476,7 @@ def compare(
         InvalidInputError: no process; as :func:`side_by_side`.
     """
     for delay in delays:
-        if delay < 0:
-            raise InvalidInputError("delay", delay, "must be 0 or more periods")
+        check_not_negative(delay=delay)
     cases = [
         Setup(of_first_user(load_scene(name)), delay=delay) for name in scenes for delay in delays
     ]

@@ -73,7 +73,7 @@ from hapticmech_ros.analysis.touch import MassHeldDevice, Setup, relative_speeds
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.architecture import device_inertia
 from hapticmech_ros.control.measurements import operational_model_of
-from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.errors import HapticMechError, InvalidInputError, check_not_negative
 from hapticmech_ros.experiment.figure_style import (
     BLACK,
     BLUE,
@@ -359,8 +359,7 @@ class Wall:
         Raises:
             InvalidInputError: a delay below 0.
         """
-        if delay < 0:
-            raise InvalidInputError("delay", delay, "must be 0 or more periods")
+        check_not_negative(delay=delay)
         largest = 2.0 * np.sin(np.pi / (4 * self.late(delay) + 2))
         return float(self.mass * largest / self.scene.simulation.period)
 
@@ -589,8 +588,7 @@ def cases_of(
         InvalidInputError: a delay below 0, a rate below 10 Hz, or an unknown measurement.
     """
     for delay in delays:
-        if delay < 0:
-            raise InvalidInputError("delay", delay, "must be 0 or more periods")
+        check_not_negative(delay=delay)
     for name in what:
         if name not in WHAT:
             raise InvalidInputError("what", name, f"must be one of {', '.join(WHAT)}")

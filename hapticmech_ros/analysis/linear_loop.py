@@ -33,7 +33,7 @@ from hapticmech_ros.control.architecture import ControlArchitecture, device_iner
 from hapticmech_ros.control.loop_stability import ON_CIRCLE, force_gain, lead_gains
 from hapticmech_ros.control.measurements import OperationalModel
 from hapticmech_ros.device.hand import spring_gains
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import InvalidInputError, check_not_negative, check_positive
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.hand import ArmHand, ConstantWrenchHand, SpringDamperHand
@@ -52,7 +52,8 @@ def passive_stiffness(physical: float, damping: float, period: float) -> float:
     Raises:
         InvalidInputError: a damping below 0, or a period that is not positive.
     """
-    _check(physical, damping, period, 0.0)
+    check_positive(period=period)
+    check_not_negative(physical=physical, damping=damping)
     return max(0.0, 2.0 * (physical - abs(damping)) / period)
 
 
@@ -71,7 +72,8 @@ def delayed_stiffness(physical: float, damping: float, period: float, delay: flo
     Raises:
         InvalidInputError: as :func:`passive_stiffness`, or a delay below 0.
     """
-    _check(physical, damping, period, delay)
+    check_positive(period=period)
+    check_not_negative(physical=physical, damping=damping, delay=delay)
     return (physical + damping) / (0.5 * period + delay)
 
 
@@ -90,7 +92,8 @@ def quantised_stiffness(physical: float, friction: float, period: float, step: f
     Raises:
         InvalidInputError: as :func:`passive_stiffness`, or friction or step below 0.
     """
-    _check(physical, friction, period, step)
+    check_positive(period=period)
+    check_not_negative(physical=physical, friction=friction, step=step)
     by_damping = 2.0 * physical / period
     return by_damping if step == 0.0 else min(by_damping, 2.0 * friction / step)
 
@@ -110,15 +113,9 @@ def lightest_mass(device: float, hand: float) -> float:
     Raises:
         InvalidInputError: a mass below 0, or no device.
     """
-    if not (device > 0.0 and hand >= 0.0):
-        raise InvalidInputError("masses", (device, hand), "device above 0, hand 0 or more")
+    check_positive(device=device)
+    check_not_negative(hand=hand)
     return device * hand / (device + 2.0 * hand)
-
-
-def _check(first: float, second: float, period: float, other: float) -> None:
-    if not (first >= 0.0 and second >= 0.0 and other >= 0.0 and period > 0.0):
-        rule = "must be 0 or more, the period above 0"
-        raise InvalidInputError("b, B or f_c, T, t_d or Δ", (first, second, period, other), rule)
 
 
 # Relative resolution for sessions, and for eigenvalues.
@@ -220,8 +217,7 @@ def tick_matrix(
     Raises:
         InvalidInputError: a delay below 0.
     """
-    if delay < 0:
-        raise InvalidInputError("delay", delay, "must be 0 or more periods")
+    check_not_negative(delay=delay)
     loop = _Loop(scene, law, inverse_inertia, rows, delay, held)
     return loop.tick(np.eye(loop.size))
 

@@ -34,7 +34,7 @@ import numpy as np
 
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.device import NO_WRENCH, DeviceState, ImpedanceDevice
-from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.errors import HapticMechError, InvalidInputError, check_not_negative
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.hand import COLUMNS, ScriptedHand
@@ -179,8 +179,7 @@ class MassHeldDevice(ImpedanceDevice):
     """
 
     def __init__(self, scene: Scene, share: float) -> None:
-        if not (np.isfinite(share) and share >= 0.0):
-            raise InvalidInputError("hand over device mass", share, "must be 0 or more")
+        check_not_negative(share=share)
         device = scene.device
         whole = {"mass": (1.0 + share) * device.mass, "inertia": (1.0 + share) * device.inertia}
         both = device.model_copy(update=whole)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -44,6 +44,7 @@ from hapticmech_ros.formats.model import (
     from_z,
 )
 from hapticmech_ros.formats.sdf import read_joints
+from hapticmech_ros.formats.sdf_frames import HERE
 from hapticmech_ros.formats.shapes import (
     SIZES,
     find_mesh,
@@ -111,9 +112,12 @@ class GazeboTags:
         if not self.nodes:
             return
         bodies, carried = set(self.bodies), {hinge.child: hinge.parent for hinge in self.hinges}
-        poses = _at_zero(self.hinges, self.bodies)
+        # Where links are with all joints at zero.
+        places = {name: (HERE, pin.SE3.Identity()) for name in self.bodies}
+        for hinge in reversed(self.hinges):
+            places[hinge.child] = (hinge.parent, hinge.in_parent * hinge.of_child)
         nodes = self.nodes.values()
-        hinges, self.couplings = read_joints(source, nodes, poses, self.bodies, notes)
+        hinges, self.couplings = read_joints(source, nodes, places, self.bodies, notes)
         for hinge in hinges:
             turned = hinge.child == WORLD or (
                 hinge.child not in carried
@@ -160,23 +164,6 @@ class GazeboTags:
             why = f"it joins {' and '.join(ends)}, which are not both links of this file"
             self.lost.append(Note(f"{LEFT_OPEN}: {name}", 1, why))
         return True
-
-
-def _at_zero(hinges: Sequence[Joint], bodies: Collection[str]) -> dict[str, pin.SE3]:
-    """Return where links are with all joints at zero, those of circles left out."""
-    below: dict[str, list[Joint]] = {}
-    for hinge in hinges:
-        below.setdefault(hinge.parent, []).append(hinge)
-    carried = {hinge.child for hinge in hinges}
-    poses = {name: pin.SE3.Identity() for name in (WORLD, *bodies) if name not in carried}
-    waiting = list(poses)
-    while waiting:
-        parent = waiting.pop()
-        for hinge in below.get(parent, []):
-            if hinge.child not in poses:
-                poses[hinge.child] = poses[parent] * hinge.in_parent * hinge.of_child
-                waiting.append(hinge.child)
-    return poses
 
 
 def _above(name: str, carried: Mapping[str, str]) -> set[str]:

@@ -51,7 +51,12 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.control.clutch import Clutch, engage
-from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.errors import (
+    HapticMechError,
+    InvalidInputError,
+    check_not_negative,
+    check_positive,
+)
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.inertia import dtrsv
@@ -70,8 +75,6 @@ from hapticmech_ros.robot.law import (
     Target,
     Tuning,
     TuningRamp,
-    check_not_negative,
-    check_positive,
     longest_delay,
 )
 from hapticmech_ros.scene import Scene

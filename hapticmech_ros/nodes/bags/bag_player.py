@@ -35,7 +35,7 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 from hapticmech_ros.bag.reader import BagReader, BagTopic
-from hapticmech_ros.errors import BagError, HapticMechError, InvalidInputError
+from hapticmech_ros.errors import BagError, HapticMechError, check_positive
 from hapticmech_ros.nodes.bags.recorded_topic import adapted_offer
 from hapticmech_ros.nodes.loop import (
     LONGEST_WAIT_S,
@@ -149,8 +149,7 @@ class Timeline:
     """
 
     def __init__(self, bag_ns: int, now_ns: int, rate: float = 1.0, paused: bool = False) -> None:
-        if not rate > 0.0:
-            raise InvalidInputError("rate", rate, "must be positive")
+        check_positive(rate=rate)
         self._rate = rate
         self._bag_ns, self._from_ns = bag_ns, now_ns
         self.paused = paused
