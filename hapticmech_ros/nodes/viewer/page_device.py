@@ -264,10 +264,7 @@ class PageDevice:
 
     def listen(self, wanted: bool) -> None:
         """Subscribe to its samples, or not."""
-        if wanted:
-            self._state.open()
-        else:
-            self._state.close()
+        self._state.listen(wanted)
 
     def forget(self) -> None:
         """Forget its samples."""
