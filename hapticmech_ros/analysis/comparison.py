@@ -18,6 +18,7 @@ hand feels the mechanism through the spring, with the device's inertia added.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -275,18 +276,8 @@ def predicted_delay(variant: Variant) -> int:
 
 
 def _largest(stable: Callable[[int], bool]) -> int:
-    low, high = -1, 1
-    while stable(high):
-        low = high
-        if high == MOST_DELAY:
-            return high
-        high = min(2 * high, MOST_DELAY)
-    if low < 0:
-        return 0 if stable(0) else -1
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (middle, high) if stable(middle) else (low, middle)
-    return low
+    """Return the largest stable delay, by bisection; -1 if there is none."""
+    return bisect_left(range(MOST_DELAY + 1), True, key=lambda delay: not stable(delay)) - 1
 
 
 FREQUENCIES_HZ = (2, 5, 10, 20)

@@ -12,15 +12,16 @@ And the clock of a replay: which bag time it is, at which rate, and whether it s
 from __future__ import annotations
 
 import os
-import queue
 import select
 import sys
 import termios
-import threading
 import time
 import tty
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -210,60 +211,36 @@ class Keyboard:
             termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._saved)
 
 
-MOST_AHEAD = 4000
-_POLL_S = 0.1
+# Messages that are read at a time.
+AHEAD = 1000
 
 
-class Prefetch:
-    """A queue of messages that a thread fills while its block lasts."""
+def read_ahead(messages: Iterator[Message]) -> Generator[Message, None, None]:
+    """Yield messages, of which a thread reads some ahead.
 
-    def __init__(self, messages: Iterator[Message]) -> None:
-        self._messages = messages
-        self._queue: queue.Queue[Message | BagError | None] = queue.Queue(MOST_AHEAD)
-        self._ended = False
-        self._thread = threading.Thread(target=self._work, name="prefetch", daemon=True)
+    Raises:
+        BagError: the bag is damaged behind the last one.
+    """
+    with ThreadPoolExecutor(1) as pool:
+        coming = pool.submit(_some, messages)
+        while True:
+            found, error = coming.result()
+            coming = pool.submit(_some, messages)
+            yield from found
+            if error is not None:
+                raise error
+            if not found:
+                return
 
-    def take(self) -> Message | None:
-        """Return the next message, or None behind the last.
 
-        Raises:
-            BagError: the bag is damaged here.
-        """
-        item = self._queue.get()
-        if isinstance(item, BagError):
-            raise item
-        return item
-
-    def _work(self) -> None:
-        try:
-            for message in self._messages:
-                if not self._put(message):
-                    return
-            self._put(None)
-        except BagError as error:
-            self._put(error)
-
-    def _put(self, item: Message | BagError | None) -> bool:
-        while not self._ended:
-            try:
-                self._queue.put(item, timeout=_POLL_S)
-            except queue.Full:
-                continue
-            return True
-        return False
-
-    def __enter__(self) -> Prefetch:
-        self._thread.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._ended = True
-        self._thread.join()
+def _some(messages: Iterator[Message]) -> tuple[list[Message], BagError | None]:
+    """Return the next messages, and the error behind them if the bag is damaged there."""
+    found: list[Message] = []
+    try:
+        found.extend(islice(messages, AHEAD))
+    except BagError as error:
+        return found, error
+    return found, None
 
 
 CLOCK = "/clock"
@@ -476,8 +453,8 @@ def _play_once(
     node: BagPlayerNode, executor: Executor, stop: StopRequest, keyboard: Keyboard, paused: bool
 ) -> None:
     first = node.latched()
-    with Prefetch(node.messages(first)) as ahead:
-        message = ahead.take()
+    with closing(read_ahead(node.messages(first))) as ahead:
+        message = next(ahead, None)
         node.begin(first, paused)
         while message is not None and not stop.asked:
             if " " in keyboard.pressed():
@@ -486,7 +463,7 @@ def _play_once(
             for _ in range(LONGEST_BURST):
                 if message is None or not node.publish_due(message):
                     break
-                message = ahead.take()
+                message = next(ahead, None)
             if message is not None:
                 wait_for_messages(executor, node.wait_s(message))
 
