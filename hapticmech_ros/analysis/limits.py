@@ -661,12 +661,11 @@ class Limits(SharedResults):
 
     def figures(self) -> Mapping[str, Figure]:
         """Return Z-width of the first scene and M-width of all scenes, measured and predicted."""
-        found = {}
-        if self.z_width:
-            found["z_width.png"] = z_width_figure(self.z_width)
-        if self.m_width:
-            found["m_width.png"] = m_width_figure(self.m_width)
-        return found
+        z, m = self.z_width, self.m_width
+        return {
+            **({"z_width.png": z_width_figure(z)} if z else {}),
+            **({"m_width.png": m_width_figure(m)} if m else {}),
+        }
 
 
 def limits(cases: Sequence[Case], workers: Workers = 1, show: Show = silent) -> Limits:

@@ -26,6 +26,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -146,24 +147,17 @@ def frontier(
     """
     if not 0.0 < least < most:
         raise InvalidInputError("bounds", (least, most), "must be positive and in order")
+    known = cache(stable)
     low = high = float(np.clip(guess, least, most))
     step = 1.3
-    if stable(low):
-        while True:
-            if low >= most:
-                return most
-            high = min(step * low, most)
-            if not stable(high):
-                break
-            low, step = high, step**2
-    else:
-        while True:
-            if high <= least:
-                return None
-            low = max(high / step, least)
-            if stable(low):
-                break
-            high, step = low, step**2
+    while known(high) and high < most:
+        low, high, step = high, min(step * high, most), step**2
+    while not known(low) and low > least:
+        low, high, step = max(low / step, least), low, step**2
+    if known(high):
+        return most
+    if not known(low):
+        return None
     while high > (1.0 + resolution) * low:
         middle = float(np.sqrt(low * high))
         low, high = (middle, high) if stable(middle) else (low, middle)

@@ -268,7 +268,6 @@ class PlayOptions:
         paused: wait for resume before the first message.
         namespace: put the node and every topic under this name.
         wait_s: wait so long at most for a subscriber of every topic, s.
-        ros_arguments: further arguments, beginning with ``--ros-args``.
     """
 
     path: Path
@@ -282,7 +281,6 @@ class PlayOptions:
     paused: bool = False
     namespace: str = ""
     wait_s: float = 0.0
-    ros_arguments: tuple[str, ...] = ()
 
 
 class BagPlayerNode(QuietEventsNode):
@@ -419,7 +417,7 @@ class BagPlayerNode(QuietEventsNode):
 def play(options: PlayOptions) -> int:
     """Play until the end or a signal; print a report; return the exit code."""
     stop = StopRequest()
-    rclpy.init(args=list(options.ros_arguments), signal_handler_options=SignalHandlerOptions.NO)
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     node: BagPlayerNode | None = None
     try:
         with BagReader(options.path) as bag, Keyboard() as keyboard:
