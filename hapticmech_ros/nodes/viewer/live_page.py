@@ -248,7 +248,7 @@ class LivePageNode(SceneSubscriber[LiveParameters]):
             hand_wrench=_or_none(user.hand_wrench),
             on_hand=_or_none(user.device_command),
             on_mechanism=_or_none(known.point_commands.get(point)),
-            contact=known.state.contacts[self.analyser(point).index],
+            contact=known.state.contacts[self.analysers[point].index],
             holding=device.holding(now_ns),
             immovable=device.immovable(now_ns),
         )
@@ -265,7 +265,7 @@ class LivePageNode(SceneSubscriber[LiveParameters]):
     def _observed(self, received: Received) -> dict[str, Observation]:
         state = received.state
         return {
-            point: self.analyser(point).observe(state.q, state.v, state.active)
+            point: self.analysers[point].observe(state.q, state.v, state.active)
             for point in self.users
         }
 

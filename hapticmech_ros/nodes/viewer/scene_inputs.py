@@ -253,6 +253,7 @@ class SceneSubscriber(ClockedActor[P]):
         prefixes: of the names of a user's topics, by its point.
         mechanism: of the graph.
         inputs: the subscriptions.
+        analysers: of the points held, by these.
 
     Raises:
         InvalidInputError: no such operational point, or one that is named twice.
@@ -280,10 +281,6 @@ class SceneSubscriber(ClockedActor[P]):
         """Return whether a tick can be done: always, with the present inputs."""
         del deadline_ns
         return True
-
-    def analyser(self, user: str) -> Analyser:
-        """Return the analyser of the point that a user holds."""
-        return self._analysers[user]
 
     def followed(self, grasps: Array) -> bool:
         """Move operational points to the places published by the mechanism.
@@ -318,7 +315,7 @@ class SceneSubscriber(ClockedActor[P]):
         return rigid_count(s, self.scene.perception) if counted is None else counted
 
     def _analyse_anew(self) -> None:
-        self._analysers = {user: Analyser(self.mechanism, user) for user in self.users}
+        self.analysers = {user: Analyser(self.mechanism, user) for user in self.users}
 
     def _held(self, parameters: P) -> tuple[str, ...]:
         named = parameters.held_points.split(",") if parameters.held_points else []

@@ -420,7 +420,7 @@ class SceneViewer(SceneSubscriber[ViewerParameters]):
         terms = self.mechanism.evaluate(state.q, state.v, state.active)
         users = []
         for point, user in received.users.items():
-            found = self.analyser(point).analyse(terms)
+            found = self.analysers[point].analyse(terms)
             count = self.count(point, received, found.spectrum.s)
             given = user.device, user.hand_wrench, user.device_command
             users.append(UserSnapshot(point, *given, found, count))
