@@ -55,7 +55,7 @@ from hapticmech_ros.analysis.study import (
     shared,
     silent,
 )
-from hapticmech_ros.analysis.touch import Setup, relative_speeds, touched
+from hapticmech_ros.analysis.touch import Setup, comes_to_rest, relative_speeds
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.architecture import LawControl, LawInput, device_inertia
 from hapticmech_ros.control.loop_stability import LoopTerms, spectral_radius
@@ -258,7 +258,7 @@ def largest_delay(variant: Variant) -> int | None:
     def stable(delay: int) -> bool:
         case, push = replace(setup, scene=scene, delay=delay), impulse / scene.simulation.period
         watch = relative_speeds(normals)
-        return touched(case, push, watch, ticks, LOST_SPEED, floor).stable
+        return comes_to_rest(case, push, watch, ticks, LOST_SPEED, floor)
 
     return _largest(stable)
 

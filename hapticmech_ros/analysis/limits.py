@@ -69,7 +69,7 @@ from hapticmech_ros.analysis.study import (
     shared,
     silent,
 )
-from hapticmech_ros.analysis.touch import MassHeldDevice, Setup, relative_speeds, touched
+from hapticmech_ros.analysis.touch import MassHeldDevice, Setup, comes_to_rest, relative_speeds
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.architecture import device_inertia
 from hapticmech_ros.control.measurements import operational_model_of
@@ -199,7 +199,7 @@ class _Case:
         setup = Setup(scene, self._point, self._delay, device=device)
         ticks = round(seconds / scene.simulation.period)
         push = min(1.0, 1.0 / lightness) * self._push
-        return touched(setup, push, _command, ticks, LOST_N).stable
+        return comes_to_rest(setup, push, _command, ticks, LOST_N)
 
     def predicted(self, lightness: float) -> bool:
         """Return whether the linear model of the loop is stable."""
@@ -328,7 +328,7 @@ class Wall:
         push = self._push / period
         setup = Setup(scene, self._point, delay)
         watch = relative_speeds(self._normals)
-        return touched(setup, push, watch, ticks, LOST_SPEED).stable
+        return comes_to_rest(setup, push, watch, ticks, LOST_SPEED)
 
     def predicted(self, damping: float, delay: int, hand: str) -> float | None:
         """Return the stiffness, N/m, at which the linear model of the loop becomes unstable."""

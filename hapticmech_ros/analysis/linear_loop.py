@@ -78,27 +78,6 @@ def delayed_stiffness(physical: float, damping: float, period: float, delay: flo
     return (physical + damping) / (0.5 * period + delay)
 
 
-def quantised_stiffness(physical: float, friction: float, period: float, step: float) -> float:
-    """Return the largest K without a limit cycle by encoder steps, N/m: min(2 b / T, 2 f_c / Δ).
-
-    Diolaiti, Niemeyer, Barbagli and Salisbury, "Stability of haptic rendering: discretization,
-    quantization, time delay, and Coulomb effects", IEEE Trans. Robotics 2006.
-
-    Args:
-        physical: b of the device, N s/m.
-        friction: f_c, Coulomb friction of the device, N.
-        period: T, s.
-        step: Δ, m; 0 for an ideal encoder.
-
-    Raises:
-        InvalidInputError: as :func:`passive_stiffness`, or friction or step below 0.
-    """
-    check_positive(period=period)
-    check_not_negative(physical=physical, friction=friction, step=step)
-    by_damping = 2.0 * physical / period
-    return by_damping if step == 0.0 else min(by_damping, 2.0 * friction / step)
-
-
 def lightest_mass(device: float, hand: float) -> float:
     """Return the lower bound of the virtual mass for stability, kg: m_d m_a / (m_d + 2 m_a).
 

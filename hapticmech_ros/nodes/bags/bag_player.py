@@ -19,7 +19,7 @@ import time
 import tty
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
@@ -332,14 +332,6 @@ class BagPlayerNode(QuietEventsNode):
         """Return topics without subscribers."""
         return [name for name, p in self._sent.items() if p.get_subscription_count() == 0]
 
-    def latched(self) -> list[Message]:
-        """Return the latched messages that stand at the beginning."""
-        return latched_first(self._bag, self._cut)
-
-    def messages(self, first: list[Message]) -> Iterator[Message]:
-        """Yield all messages but the first ones, in order of time."""
-        return stream(self._bag, self._cut, first)
-
     def begin(self, first: list[Message], paused: bool) -> None:
         """Publish the first messages, and start the bag's time."""
         for name, _, data in first:
@@ -418,11 +410,11 @@ def play(options: PlayOptions) -> int:
     """Play until the end or a signal; print a report; return the exit code."""
     stop = StopRequest()
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-    node: BagPlayerNode | None = None
     try:
-        with BagReader(options.path) as bag, Keyboard() as keyboard:
+        with BagReader(options.path) as bag, Keyboard() as keyboard, ExitStack() as ends:
             cut = cut_of(bag, options.topics, options.start_offset_s, options.duration_s)
             node = BagPlayerNode(bag, cut, options)
+            ends.callback(node.destroy_node)
             executor = EventsExecutor()
             executor.add_node(node)
             _wait_for_subscribers(node, executor, stop, options.wait_s)
@@ -430,7 +422,7 @@ def play(options: PlayOptions) -> int:
                 print("space pauses and resumes; Ctrl-C ends it", flush=True)
             paused = options.paused
             while not stop.asked:
-                _play_once(node, executor, stop, keyboard, paused)
+                _play_once(node, bag, cut, executor, stop, keyboard, paused)
                 paused = False
                 if not options.loop:
                     break
@@ -442,16 +434,20 @@ def play(options: PlayOptions) -> int:
         sys.stderr.write(f"error: {error}\n")
         return 1
     finally:
-        if node is not None:
-            node.destroy_node()
         rclpy.try_shutdown()
 
 
 def _play_once(
-    node: BagPlayerNode, executor: Executor, stop: StopRequest, keyboard: Keyboard, paused: bool
+    node: BagPlayerNode,
+    bag: BagReader,
+    cut: Cut,
+    executor: Executor,
+    stop: StopRequest,
+    keyboard: Keyboard,
+    paused: bool,
 ) -> None:
-    first = node.latched()
-    with closing(read_ahead(node.messages(first))) as ahead:
+    first = latched_first(bag, cut)
+    with closing(read_ahead(stream(bag, cut, first))) as ahead:
         message = next(ahead, None)
         node.begin(first, paused)
         while message is not None and not stop.asked:
