@@ -168,6 +168,18 @@ class InvalidInputError(HapticMechError):
         super().__init__(f"{what}: {rule} (got {shown(value)})")
 
 
+def check_one_of(what: str, value: object, known: Iterable[object]) -> None:
+    """Refuse a value that is none of those known; the message names the most similar one.
+
+    Raises:
+        InvalidInputError: it is none of them.
+    """
+    every = list(known)
+    if value not in every:
+        rule = f"must be one of {listed(every)}{nearest(value, map(str, every))}"
+        raise InvalidInputError(what, value, rule)
+
+
 def check_positive(**values: float) -> None:
     """Refuse numbers, each by its name, that are not positive and finite.
 

@@ -73,7 +73,12 @@ from hapticmech_ros.analysis.touch import MassHeldDevice, Setup, comes_to_rest, 
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.architecture import device_inertia
 from hapticmech_ros.control.measurements import operational_model_of
-from hapticmech_ros.errors import HapticMechError, InvalidInputError, check_not_negative
+from hapticmech_ros.errors import (
+    HapticMechError,
+    InvalidInputError,
+    check_not_negative,
+    check_one_of,
+)
 from hapticmech_ros.experiment.figure_style import (
     BLACK,
     BLUE,
@@ -387,8 +392,7 @@ def z_width(
     Raises:
         InvalidInputError: no constraint, a delay below 0, another hand, or a share outside (0, 1).
     """
-    if hand not in ("nobody", "still"):
-        raise InvalidInputError("hand", hand, "must be nobody or still")
+    check_one_of("hand", hand, ("nobody", "still"))
     for share in shares:
         if not 0.0 < share < 1.0:
             raise InvalidInputError("share of damping", share, "must be between 0 and 1")
@@ -590,8 +594,7 @@ def cases_of(
     for delay in delays:
         check_not_negative(delay=delay)
     for name in what:
-        if name not in WHAT:
-            raise InvalidInputError("what", name, f"must be one of {', '.join(WHAT)}")
+        check_one_of("what", name, WHAT)
     cases = []
     for scene in map(of_first_user, scenes):
         hands = ["nobody", "still"] if isinstance(scene.hand, TargetHand) else ["nobody"]

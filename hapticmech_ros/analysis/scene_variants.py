@@ -6,7 +6,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.errors import InvalidInputError, check_not_negative, check_positive, listed
+from hapticmech_ros.errors import (
+    InvalidInputError,
+    check_not_negative,
+    check_one_of,
+    check_positive,
+)
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import PositionChannelGains
 from hapticmech_ros.scene.device import Device, device_presets
@@ -82,10 +87,7 @@ def with_device(scene: Scene, preset: str) -> Scene:
     Raises:
         InvalidInputError: an unknown preset.
     """
-    if preset not in device_presets():
-        raise InvalidInputError(
-            "device", preset, f"must be one of {listed(sorted(device_presets()))}"
-        )
+    check_one_of("device", preset, sorted(device_presets()))
     device = Device.model_validate({"preset": preset})
     return scene.model_copy(update={"name": f"{scene.name}_{preset}", "device": device})
 

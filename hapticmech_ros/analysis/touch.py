@@ -105,7 +105,18 @@ def comes_to_rest(
         return False
     left = (seen - calm)[round(PASSED * ticks) :]
     half = len(left) // 2
-    return _rms(left[-half:]) < max(LEFT * _rms(left[:half]), floor)
+    return decays(_rms(left[:half]), _rms(left[-half:]), floor)
+
+
+def decays(early: float, late: float, floor: float = FLOOR) -> bool:
+    """Return whether a response dies away.
+
+    Args:
+        early: rms of its first half, in units of the signal.
+        late: of its second half, likewise.
+        floor: rms below which it counts as rest.
+    """
+    return late < max(LEFT * early, floor)
 
 
 def _watched(

@@ -55,6 +55,7 @@ from hapticmech_ros.errors import (
     HapticMechError,
     InvalidInputError,
     check_not_negative,
+    check_one_of,
     check_positive,
 )
 from hapticmech_ros.loading import load_scene
@@ -320,9 +321,7 @@ class FollowerSettings:
     gain_ramp: float = 0.3
 
     def __post_init__(self) -> None:
-        if self.interface not in ("effort", "velocity", "position"):
-            rule = "must be effort, velocity or position"
-            raise InvalidInputError("interface", self.interface, rule)
+        check_one_of("interface", self.interface, ("effort", "velocity", "position"))
         check_positive(
             period=self.period,
             joint_timeout=self.joint_timeout,

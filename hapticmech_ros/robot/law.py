@@ -168,8 +168,7 @@ class Gains:
             if not (math.isfinite(value) and 0.0 <= value <= _LARGEST):
                 rule = f"must be a number between 0 and {_LARGEST:g}"
                 raise InvalidInputError(gain.name, value, rule)
-        if self.joint_rate == 0.0:
-            raise InvalidInputError("joint_rate", 0.0, "must be above 0")
+        check_positive(joint_rate=self.joint_rate)
         if self.contact_share > 1.0:
             raise InvalidInputError("contact_share", self.contact_share, "must be at most 1")
 

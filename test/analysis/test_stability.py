@@ -21,7 +21,7 @@ from hapticmech_ros.analysis.scene_variants import (
     with_loop,
     without_channel,
 )
-from hapticmech_ros.analysis.touch import MassHeldDevice, Setup, Touched, comes_to_rest
+from hapticmech_ros.analysis.touch import MassHeldDevice, Setup, comes_to_rest, decays
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.clutch import pose_error
 from hapticmech_ros.control.loop_stability import ON_CIRCLE, lead_gains, loop_terms, spectral_radius
@@ -220,7 +220,7 @@ def test_a_frontier_is_found_from_either_side():
     [(1.0, 0.97, True), (1.0, 1.0, False), (np.inf, np.inf, False), (1e-12, 1e-11, True)],
 )
 def test_what_stays_as_large_is_not_stable(first, last, stable):
-    assert Touched(first, last).stable == stable
+    assert decays(first, last) == stable
 
 
 def test_scaled_scenes_have_scaled_inertia_and_the_same_constraints():
