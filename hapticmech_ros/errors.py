@@ -9,6 +9,7 @@ the message is there for people.
 from __future__ import annotations
 
 import difflib
+import math
 import reprlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -165,6 +166,40 @@ class InvalidInputError(HapticMechError):
         self.value = value
         self.rule = rule
         super().__init__(f"{what}: {rule} (got {shown(value)})")
+
+
+def check_one_of(what: str, value: object, known: Iterable[object]) -> None:
+    """Refuse a value that is none of those known; the message names the most similar one.
+
+    Raises:
+        InvalidInputError: it is none of them.
+    """
+    every = list(known)
+    if value not in every:
+        rule = f"must be one of {listed(every)}{nearest(value, map(str, every))}"
+        raise InvalidInputError(what, value, rule)
+
+
+def check_positive(**values: float) -> None:
+    """Refuse numbers, each by its name, that are not positive and finite.
+
+    Raises:
+        InvalidInputError: one is not.
+    """
+    for name, value in values.items():
+        if not (math.isfinite(value) and value > 0.0):
+            raise InvalidInputError(name, value, "must be a positive number")
+
+
+def check_not_negative(**values: float) -> None:
+    """Refuse numbers, each by its name, that are negative or not finite.
+
+    Raises:
+        InvalidInputError: one is.
+    """
+    for name, value in values.items():
+        if not (math.isfinite(value) and value >= 0.0):
+            raise InvalidInputError(name, value, "must be a number of 0 or more")
 
 
 class OutputError(HapticMechError):

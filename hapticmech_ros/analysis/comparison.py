@@ -18,6 +18,7 @@ hand feels the mechanism through the spring, with the device's inertia added.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -54,12 +55,12 @@ from hapticmech_ros.analysis.study import (
     shared,
     silent,
 )
-from hapticmech_ros.analysis.touch import Setup, relative_speeds, touched
+from hapticmech_ros.analysis.touch import Setup, comes_to_rest, relative_speeds
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.architecture import LawControl, LawInput, device_inertia
 from hapticmech_ros.control.loop_stability import LoopTerms, spectral_radius
 from hapticmech_ros.control.measurements import operational_model_of
-from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.errors import HapticMechError, check_not_negative
 from hapticmech_ros.experiment.figure_style import (
     BLUE,
     GREY,
@@ -97,9 +98,7 @@ class ProxyControl(LawControl):
 
     def __init__(self, scene: Scene, stiffness: float, damping: float) -> None:
         super().__init__(scene, self._pulled)
-        for name, value in (("stiffness", stiffness), ("damping", damping)):
-            if not (np.isfinite(value) and value >= 0.0):
-                raise InvalidInputError(f"proxy's {name}", value, "must be 0 or more")
+        check_not_negative(stiffness=stiffness, damping=damping)
         self.spring = stiffness * self.device_inertia
         self.damper = damping * self.device_inertia
 
@@ -145,8 +144,7 @@ def stiffest_gains(scene: Scene, loop: Array, delay: int) -> tuple[float, float]
     Raises:
         InvalidInputError: a delay below 0.
     """
-    if delay < 0:
-        raise InvalidInputError("delay", delay, "must be 0 or more periods")
+    check_not_negative(delay=delay)
     period = scene.simulation.period
     latency = (delay + 0.5) * period
     best = (0.0, 0.0)
@@ -260,7 +258,7 @@ def largest_delay(variant: Variant) -> int | None:
     def stable(delay: int) -> bool:
         case, push = replace(setup, scene=scene, delay=delay), impulse / scene.simulation.period
         watch = relative_speeds(normals)
-        return touched(case, push, watch, ticks, LOST_SPEED, floor).stable
+        return comes_to_rest(case, push, watch, ticks, LOST_SPEED, floor)
 
     return _largest(stable)
 
@@ -278,18 +276,8 @@ def predicted_delay(variant: Variant) -> int:
 
 
 def _largest(stable: Callable[[int], bool]) -> int:
-    low, high = -1, 1
-    while stable(high):
-        low = high
-        if high == MOST_DELAY:
-            return high
-        high = min(2 * high, MOST_DELAY)
-    if low < 0:
-        return 0 if stable(0) else -1
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (middle, high) if stable(middle) else (low, middle)
-    return low
+    """Return the largest stable delay, by bisection; -1 if there is none."""
+    return bisect_left(range(MOST_DELAY + 1), True, key=lambda delay: not stable(delay)) - 1
 
 
 FREQUENCIES_HZ = (2, 5, 10, 20)
@@ -479,8 +467,7 @@ def compare(
         InvalidInputError: no process; as :func:`side_by_side`.
     """
     for delay in delays:
-        if delay < 0:
-            raise InvalidInputError("delay", delay, "must be 0 or more periods")
+        check_not_negative(delay=delay)
     cases = [
         Setup(of_first_user(load_scene(name)), delay=delay) for name in scenes for delay in delays
     ]

@@ -69,11 +69,16 @@ from hapticmech_ros.analysis.study import (
     shared,
     silent,
 )
-from hapticmech_ros.analysis.touch import MassHeldDevice, Setup, relative_speeds, touched
+from hapticmech_ros.analysis.touch import MassHeldDevice, Setup, comes_to_rest, relative_speeds
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.architecture import device_inertia
 from hapticmech_ros.control.measurements import operational_model_of
-from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.errors import (
+    HapticMechError,
+    InvalidInputError,
+    check_not_negative,
+    check_one_of,
+)
 from hapticmech_ros.experiment.figure_style import (
     BLACK,
     BLUE,
@@ -199,7 +204,7 @@ class _Case:
         setup = Setup(scene, self._point, self._delay, device=device)
         ticks = round(seconds / scene.simulation.period)
         push = min(1.0, 1.0 / lightness) * self._push
-        return touched(setup, push, _command, ticks, LOST_N).stable
+        return comes_to_rest(setup, push, _command, ticks, LOST_N)
 
     def predicted(self, lightness: float) -> bool:
         """Return whether the linear model of the loop is stable."""
@@ -328,7 +333,7 @@ class Wall:
         push = self._push / period
         setup = Setup(scene, self._point, delay)
         watch = relative_speeds(self._normals)
-        return touched(setup, push, watch, ticks, LOST_SPEED).stable
+        return comes_to_rest(setup, push, watch, ticks, LOST_SPEED)
 
     def predicted(self, damping: float, delay: int, hand: str) -> float | None:
         """Return the stiffness, N/m, at which the linear model of the loop becomes unstable."""
@@ -359,8 +364,7 @@ class Wall:
         Raises:
             InvalidInputError: a delay below 0.
         """
-        if delay < 0:
-            raise InvalidInputError("delay", delay, "must be 0 or more periods")
+        check_not_negative(delay=delay)
         largest = 2.0 * np.sin(np.pi / (4 * self.late(delay) + 2))
         return float(self.mass * largest / self.scene.simulation.period)
 
@@ -388,8 +392,7 @@ def z_width(
     Raises:
         InvalidInputError: no constraint, a delay below 0, another hand, or a share outside (0, 1).
     """
-    if hand not in ("nobody", "still"):
-        raise InvalidInputError("hand", hand, "must be nobody or still")
+    check_one_of("hand", hand, ("nobody", "still"))
     for share in shares:
         if not 0.0 < share < 1.0:
             raise InvalidInputError("share of damping", share, "must be between 0 and 1")
@@ -589,11 +592,9 @@ def cases_of(
         InvalidInputError: a delay below 0, a rate below 10 Hz, or an unknown measurement.
     """
     for delay in delays:
-        if delay < 0:
-            raise InvalidInputError("delay", delay, "must be 0 or more periods")
+        check_not_negative(delay=delay)
     for name in what:
-        if name not in WHAT:
-            raise InvalidInputError("what", name, f"must be one of {', '.join(WHAT)}")
+        check_one_of("what", name, WHAT)
     cases = []
     for scene in map(of_first_user, scenes):
         hands = ["nobody", "still"] if isinstance(scene.hand, TargetHand) else ["nobody"]
@@ -663,12 +664,11 @@ class Limits(SharedResults):
 
     def figures(self) -> Mapping[str, Figure]:
         """Return Z-width of the first scene and M-width of all scenes, measured and predicted."""
-        found = {}
-        if self.z_width:
-            found["z_width.png"] = z_width_figure(self.z_width)
-        if self.m_width:
-            found["m_width.png"] = m_width_figure(self.m_width)
-        return found
+        z, m = self.z_width, self.m_width
+        return {
+            **({"z_width.png": z_width_figure(z)} if z else {}),
+            **({"m_width.png": m_width_figure(m)} if m else {}),
+        }
 
 
 def limits(cases: Sequence[Case], workers: Workers = 1, show: Show = silent) -> Limits:

@@ -26,6 +26,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -33,7 +34,7 @@ from hapticmech_ros.control.architecture import ControlArchitecture, device_iner
 from hapticmech_ros.control.loop_stability import ON_CIRCLE, force_gain, lead_gains
 from hapticmech_ros.control.measurements import OperationalModel
 from hapticmech_ros.device.hand import spring_gains
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import InvalidInputError, check_not_negative, check_positive
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.hand import ArmHand, ConstantWrenchHand, SpringDamperHand
@@ -52,7 +53,8 @@ def passive_stiffness(physical: float, damping: float, period: float) -> float:
     Raises:
         InvalidInputError: a damping below 0, or a period that is not positive.
     """
-    _check(physical, damping, period, 0.0)
+    check_positive(period=period)
+    check_not_negative(physical=physical, damping=damping)
     return max(0.0, 2.0 * (physical - abs(damping)) / period)
 
 
@@ -71,28 +73,9 @@ def delayed_stiffness(physical: float, damping: float, period: float, delay: flo
     Raises:
         InvalidInputError: as :func:`passive_stiffness`, or a delay below 0.
     """
-    _check(physical, damping, period, delay)
+    check_positive(period=period)
+    check_not_negative(physical=physical, damping=damping, delay=delay)
     return (physical + damping) / (0.5 * period + delay)
-
-
-def quantised_stiffness(physical: float, friction: float, period: float, step: float) -> float:
-    """Return the largest K without a limit cycle by encoder steps, N/m: min(2 b / T, 2 f_c / Δ).
-
-    Diolaiti, Niemeyer, Barbagli and Salisbury, "Stability of haptic rendering: discretization,
-    quantization, time delay, and Coulomb effects", IEEE Trans. Robotics 2006.
-
-    Args:
-        physical: b of the device, N s/m.
-        friction: f_c, Coulomb friction of the device, N.
-        period: T, s.
-        step: Δ, m; 0 for an ideal encoder.
-
-    Raises:
-        InvalidInputError: as :func:`passive_stiffness`, or friction or step below 0.
-    """
-    _check(physical, friction, period, step)
-    by_damping = 2.0 * physical / period
-    return by_damping if step == 0.0 else min(by_damping, 2.0 * friction / step)
 
 
 def lightest_mass(device: float, hand: float) -> float:
@@ -110,15 +93,9 @@ def lightest_mass(device: float, hand: float) -> float:
     Raises:
         InvalidInputError: a mass below 0, or no device.
     """
-    if not (device > 0.0 and hand >= 0.0):
-        raise InvalidInputError("masses", (device, hand), "device above 0, hand 0 or more")
+    check_positive(device=device)
+    check_not_negative(hand=hand)
     return device * hand / (device + 2.0 * hand)
-
-
-def _check(first: float, second: float, period: float, other: float) -> None:
-    if not (first >= 0.0 and second >= 0.0 and other >= 0.0 and period > 0.0):
-        rule = "must be 0 or more, the period above 0"
-        raise InvalidInputError("b, B or f_c, T, t_d or Δ", (first, second, period, other), rule)
 
 
 # Relative resolution for sessions, and for eigenvalues.
@@ -149,24 +126,17 @@ def frontier(
     """
     if not 0.0 < least < most:
         raise InvalidInputError("bounds", (least, most), "must be positive and in order")
+    known = cache(stable)
     low = high = float(np.clip(guess, least, most))
     step = 1.3
-    if stable(low):
-        while True:
-            if low >= most:
-                return most
-            high = min(step * low, most)
-            if not stable(high):
-                break
-            low, step = high, step**2
-    else:
-        while True:
-            if high <= least:
-                return None
-            low = max(high / step, least)
-            if stable(low):
-                break
-            high, step = low, step**2
+    while known(high) and high < most:
+        low, high, step = high, min(step * high, most), step**2
+    while not known(low) and low > least:
+        low, high, step = max(low / step, least), low, step**2
+    if known(high):
+        return most
+    if not known(low):
+        return None
     while high > (1.0 + resolution) * low:
         middle = float(np.sqrt(low * high))
         low, high = (middle, high) if stable(middle) else (low, middle)
@@ -220,8 +190,7 @@ def tick_matrix(
     Raises:
         InvalidInputError: a delay below 0.
     """
-    if delay < 0:
-        raise InvalidInputError("delay", delay, "must be 0 or more periods")
+    check_not_negative(delay=delay)
     loop = _Loop(scene, law, inverse_inertia, rows, delay, held)
     return loop.tick(np.eye(loop.size))
 

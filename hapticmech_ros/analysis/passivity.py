@@ -23,7 +23,7 @@ from scipy.spatial.transform import Rotation
 
 from hapticmech_ros.analysis.scene_variants import LOOPS
 from hapticmech_ros.analysis.study import SharedResults, Sheet, Show, plain, shared, silent
-from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.errors import HapticMechError, check_one_of
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
@@ -325,8 +325,7 @@ def scene_of(trial: Trial) -> Scene:
         SceneError: it cannot be loaded.
         InvalidInputError: an unknown hand or device preset.
     """
-    if trial.hand not in HANDS:
-        raise InvalidInputError("hand", trial.hand, f"must be one of {', '.join(HANDS)}")
+    check_one_of("hand", trial.hand, HANDS)
     scene = load_scene(trial.scene)
     if not scene.hands:
         return scene.model_copy(update=_conditions(trial, scene, 0))

@@ -6,7 +6,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.errors import InvalidInputError, listed
+from hapticmech_ros.errors import (
+    InvalidInputError,
+    check_not_negative,
+    check_one_of,
+    check_positive,
+)
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import PositionChannelGains
 from hapticmech_ros.scene.device import Device, device_presets
@@ -57,9 +62,7 @@ def with_constraint(scene: Scene, stiffness: float, damping: float) -> Scene:
     Raises:
         InvalidInputError: a gain that is negative or not finite.
     """
-    for name, value in (("stiffness", stiffness), ("damping", damping)):
-        if not (np.isfinite(value) and value >= 0.0):
-            raise InvalidInputError(f"joint-constraint {name}", value, "must be 0 or more")
+    check_not_negative(stiffness=stiffness, damping=damping)
     joint = scene.controller.joint_constraint.model_copy(
         update={"stiffness": stiffness, "damping": damping}
     )
@@ -84,10 +87,7 @@ def with_device(scene: Scene, preset: str) -> Scene:
     Raises:
         InvalidInputError: an unknown preset.
     """
-    if preset not in device_presets():
-        raise InvalidInputError(
-            "device", preset, f"must be one of {listed(sorted(device_presets()))}"
-        )
+    check_one_of("device", preset, sorted(device_presets()))
     device = Device.model_validate({"preset": preset})
     return scene.model_copy(update={"name": f"{scene.name}_{preset}", "device": device})
 
@@ -111,8 +111,7 @@ def scaled(scene: Scene, factor: float) -> Scene:
     Raises:
         InvalidInputError: a factor that is not positive and finite.
     """
-    if not (np.isfinite(factor) and factor > 0.0):
-        raise InvalidInputError("factor on inertias", factor, "must be positive")
+    check_positive(factor=factor)
     links = tuple(
         link.model_copy(update={"inertial": _heavier(link.inertial, factor)})
         for link in scene.links

@@ -34,7 +34,7 @@ import numpy as np
 
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.device import NO_WRENCH, DeviceState, ImpedanceDevice
-from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.errors import HapticMechError, InvalidInputError, check_not_negative
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.hand import COLUMNS, ScriptedHand
@@ -77,30 +77,10 @@ class Setup:
         return Session(self.scene, self.point, self.delay, control, device)
 
 
-@dataclass(frozen=True, slots=True)
-class Touched:
-    """Response to a touch.
-
-    Attributes:
-        early, late: rms of the first and the second half, in units of the signal; infinite if the
-            session ended by itself or was lost.
-        floor: rms below which it counts as rest.
-    """
-
-    early: float
-    late: float
-    floor: float = FLOOR
-
-    @property
-    def stable(self) -> bool:
-        """Whether the response decays."""
-        return self.late < max(LEFT * self.early, self.floor)
-
-
-def touched(
+def comes_to_rest(
     setup: Setup, push: Array, observe: Observe, ticks: int, lost: float, floor: float = FLOOR
-) -> Touched:
-    """Touch a session and measure the response.
+) -> bool:
+    """Touch a session, and return whether its response decays.
 
     Args:
         setup: of the session.
@@ -111,7 +91,8 @@ def touched(
         floor: rms below which it counts as rest.
 
     Returns:
-        Rms of both halves of the response.
+        Whether the rms of the second half of the response is below that of the first, or at rest;
+        False if the session ended by itself or was lost.
 
     Raises:
         InvalidInputError: fewer than 20 ticks.
@@ -121,10 +102,21 @@ def touched(
     calm = _watched(setup, np.zeros(6), observe, ticks)
     seen = None if calm is None else _watched(setup, push, observe, ticks, calm, lost)
     if calm is None or seen is None:
-        return Touched(np.inf, np.inf, floor)
+        return False
     left = (seen - calm)[round(PASSED * ticks) :]
     half = len(left) // 2
-    return Touched(_rms(left[:half]), _rms(left[-half:]), floor)
+    return decays(_rms(left[:half]), _rms(left[-half:]), floor)
+
+
+def decays(early: float, late: float, floor: float = FLOOR) -> bool:
+    """Return whether a response dies away.
+
+    Args:
+        early: rms of its first half, in units of the signal.
+        late: of its second half, likewise.
+        floor: rms below which it counts as rest.
+    """
+    return late < max(LEFT * early, floor)
 
 
 def _watched(
@@ -179,8 +171,7 @@ class MassHeldDevice(ImpedanceDevice):
     """
 
     def __init__(self, scene: Scene, share: float) -> None:
-        if not (np.isfinite(share) and share >= 0.0):
-            raise InvalidInputError("hand over device mass", share, "must be 0 or more")
+        check_not_negative(share=share)
         device = scene.device
         whole = {"mass": (1.0 + share) * device.mass, "inertia": (1.0 + share) * device.inertia}
         both = device.model_copy(update=whole)

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -36,7 +36,7 @@ from hapticmech_ros.analysis.impedance import (
     multisine,
 )
 from hapticmech_ros.analysis.scene_variants import LOOPS, of_first_user, with_loop
-from hapticmech_ros.analysis.study import Results, Sheet, Show, complex_parts, silent
+from hapticmech_ros.analysis.study import SharedResults, Sheet, Show, complex_parts, silent
 from hapticmech_ros.analysis.touch import Setup, fine_times, write_script
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.errors import HapticMechError
@@ -239,28 +239,17 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Transparency(Results):
+class Transparency(SharedResults):
     """Felt impedance of scenes.
 
     Attributes:
         rows: one for each direction.
-        refused: scenes whose graphs could not be measured, with the reason.
     """
 
     NAME: ClassVar[str] = "impedance"
     FAULT: ClassVar[str] = "not every scene was measured"
 
     rows: tuple[Row, ...]
-    refused: tuple[str, ...] = ()
-
-    @property
-    def sound(self) -> bool:
-        """Whether every scene was measured."""
-        return not self.refused
-
-    def notes(self) -> Iterable[str]:
-        """Return the scenes that were not measured."""
-        return (f"not measured: {one}" for one in self.refused)
 
     def document(self) -> list[dict[str, object]]:
         """Return the rows as plain dictionaries."""
@@ -362,7 +351,7 @@ def transparency(
                 rows += [Row(scene.name, loop, delay, one) for one in directions]
     if refused and not rows:
         raise FeelGraphError("; ".join(refused))
-    return Transparency(tuple(rows), tuple(refused))
+    return Transparency(tuple(rows), lost=tuple(f"not measured: {one}" for one in refused))
 
 
 def _percent(share: float) -> str:

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hapticmech_ros.bag.reader import BagReader, flat_fields
-from hapticmech_ros.errors import BagError, InvalidInputError
+from hapticmech_ros.errors import BagError, check_one_of
 
 Array = NDArray[np.float64]
 Row = Array | str
@@ -380,8 +380,7 @@ def compare(
         BagError: no bag, damaged, a topic that is in neither, or one of different types.
         InvalidInputError: another ``align``.
     """
-    if align not in get_args(Align):
-        raise InvalidInputError("align", align, f"must be one of {', '.join(get_args(Align))}")
+    check_one_of("align", align, get_args(Align))
     with BagReader(expected) as first, BagReader(actual) as second:
         in_first, in_second = (
             set(topics or bag.topics) & set(bag.topics) for bag in (first, second)

@@ -318,18 +318,6 @@ def is_unfinished(information: Mapping[str, Any]) -> bool:
     return isinstance(custom, dict) and custom.get(UNFINISHED[0]) == UNFINISHED[1]
 
 
-def is_recording(folder: Path) -> bool:
-    """Return whether a folder's metadata marks a recording as running, or cut short.
-
-    The text of a finished bag has no such mark, and its YAML need not be parsed.
-    """
-    try:
-        text = read_text(folder / FILE_NAME, SIZE_LIMIT)
-    except FileError:
-        return False
-    return UNFINISHED[1] in text and is_unfinished(read_metadata(folder))
-
-
 def losses_as_data(lost: Mapping[str, int | None]) -> dict[str, str] | None:
     """Return ``custom_data`` with the number of messages of each topic that a recording has lost.
 

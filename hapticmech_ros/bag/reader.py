@@ -26,7 +26,7 @@ from rosbags.interfaces import MessageDefinitionFormat, Nodetype, Qos
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
 from hapticmech_ros.bag.mcap_file import McapReader
-from hapticmech_ros.bag.metadata import is_recording, load_metadata, topics_of
+from hapticmech_ros.bag.metadata import is_unfinished, load_metadata, read_metadata, topics_of
 from hapticmech_ros.bag.sqlite_file import SqliteReader
 from hapticmech_ros.bag.storage import (
     COMPRESSED,
@@ -264,7 +264,7 @@ class BagReader(AbstractContextManager["BagReader"]):
         if not (self.path / "metadata.yaml").is_file():
             rule = "not a bag, or its recording was cut short"
             raise BagError(f"bag {self.path} has no metadata.yaml: {rule}{hint}")
-        if is_recording(self.path):
+        if is_unfinished(read_metadata(self.path)):
             rule = "it is still being recorded, or its recording was cut short"
             raise BagError(f"bag {self.path} is unfinished: {rule}{hint}")
 

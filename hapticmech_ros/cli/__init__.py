@@ -19,7 +19,6 @@ from hapticmech_ros.cli import (
     feel,
     graph,
     live,
-    replay,
     scene,
     study,
 )
@@ -63,11 +62,6 @@ for group, command, *examples in (
     (STUDIES, study.study, "study five_bar --vary device.mass=0.1:0.5:5"),
 ):
     app.command(None, *examples, group=group)(command)
-bag.app.command(
-    "replay",
-    "bag replay bags/live --out bags/same --exact",
-    "bag replay bags/live --out bags/slower --control-rate 500",
-)(replay.replay)
 for family, name, group in (
     (scene, "scene", SCENES),
     (device, "device", GRAPH),

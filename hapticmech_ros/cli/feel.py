@@ -19,7 +19,7 @@ from hapticmech_ros.cli.study import (
     numbers,
     workers_of,
 )
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import check_one_of
 
 # A closed loop, a spatial one, contacts, and nothing but free directions.
 SAMPLE = ("five_bar", "door", "peg_in_hole", "spatial_arm")
@@ -60,8 +60,7 @@ def impedance(
     from hapticmech_ros.loading import shipped_scenes
 
     periods = numbers("--delays", delays, int)
-    if over not in OVER:
-        raise InvalidInputError("--over", over, f"must be one of {', '.join(OVER)}")
+    check_one_of("--over", over, OVER)
     chosen = with_changes(scenes or list(shipped_scenes()), changes, out)
     carry_out(lambda show: transparency(chosen, periods, show, over), out, json_only)
 

@@ -15,7 +15,6 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from queue import Empty, SimpleQueue
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
 
@@ -298,7 +297,10 @@ def run(
             left, up, ends, load = CHECK_PERIOD_S, None, None, None
             rate = 1.0 / loaded.simulation.period
             watch = LoadWatch(rate, available_cores(), composed, len(held) or 1)
-            while left > 0.0 and not stop.wait(min(CHECK_PERIOD_S, left)):
+            while left > 0.0:
+                time.sleep(min(CHECK_PERIOD_S, left))
+                if stop():
+                    break
                 if respawn:
                     for sentence in graph.respawn():
                         say(sentence, where=errors)
@@ -363,54 +365,30 @@ def parameters() -> None:
     print(markdown(), end="")
 
 
-class StopEvent:
-    """An event that a signal's handler may set; the lock of ``threading.Event`` is not reentrant.
+def stop_by_signals() -> Callable[[], bool]:
+    """Return a function that tells whether SIGINT or SIGTERM has come.
 
-    It may be held by what the handler interrupts, which would then wait for itself.
+    Its handler takes no lock, which what it interrupts could hold.
     """
-
-    def __init__(self) -> None:
-        self._queue = SimpleQueue[None]()
-
-    def set(self) -> None:
-        """Set the event."""
-        self._queue.put(None)
-
-    def is_set(self) -> bool:
-        """Return whether it is set."""
-        return not self._queue.empty()
-
-    def wait(self, timeout_s: float) -> bool:
-        """Wait until it is set, for ``timeout_s`` at most; return whether it is."""
-        try:
-            self._queue.get(timeout=timeout_s)
-        except Empty:
-            return False
-        self.set()
-        return True
-
-
-def stop_by_signals() -> StopEvent:
-    """Return an event that SIGINT or SIGTERM sets."""
-    stop = StopEvent()
+    came: list[int] = []
     # Also where a shell has switched SIGINT off, as for jobs in the background.
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
-    return stop
+        signal.signal(number, lambda number, _: came.append(number))
+    return lambda: bool(came)
 
 
-def in_lockstep(run: Callable[..., int], plan: LockstepRun, stop: StopEvent) -> int:
+def in_lockstep(run: Callable[..., int], plan: LockstepRun, stop: Callable[[], bool]) -> int:
     """Run a graph in lockstep with a bar, print how its nodes ended, and return the ticks.
 
     Args:
         run: ``run_lockstep`` or ``replay``.
         plan: its settings.
-        stop: ends it.
+        stop: whether to end it.
     """
     ends = list[tuple[Reports, Reports]]()
     try:
         with progress_of("ticks") as show:
-            return run(plan, os.environ, stop.is_set, show, lambda *found: ends.append(found))
+            return run(plan, os.environ, stop, show, lambda *found: ends.append(found))
     finally:
         for found in ends:
             show_ends(*found)

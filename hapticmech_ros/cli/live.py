@@ -50,6 +50,6 @@ def live(
         if not address.is_loopback:
             say("anyone who can reach this address can see and drag the mechanism")
         try:
-            page.serve(stop.is_set)
+            page.serve(stop)
         finally:
             page.close()

@@ -9,7 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from hapticmech_ros.errors import HapticMechError, InaccurateStepError, InvalidInputError
+from hapticmech_ros.errors import (
+    HapticMechError,
+    InaccurateStepError,
+    InvalidInputError,
+    check_positive,
+)
 from hapticmech_ros.experiment.record import (
     COUPLING_PERIOD_S,
     ExperimentRecord,
@@ -112,8 +117,7 @@ def ticks_of(scene: Scene, duration: float | None) -> int:
         InvalidInputError: duration not positive.
     """
     lasting = scene.experiment.duration if duration is None else float(duration)
-    if not (np.isfinite(lasting) and lasting > 0.0):
-        raise InvalidInputError("duration", duration, "must be a positive number of seconds")
+    check_positive(duration=lasting)
     return round((scene.hand.start_delay + lasting) / scene.simulation.period) + 1
 
 

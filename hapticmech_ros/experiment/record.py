@@ -28,7 +28,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.bag.metadata import losses_of, read_metadata
 from hapticmech_ros.device.hand import grasp_schedule_of
-from hapticmech_ros.errors import BagError, InvalidInputError, listed
+from hapticmech_ros.errors import BagError, InvalidInputError, check_one_of
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.numerics import Array
@@ -101,9 +101,7 @@ class SharedRecord:
         Raises:
             InvalidInputError: no user holds the point.
         """
-        if point not in self.users:
-            rule = f"must be one of {listed(self.points)}"
-            raise InvalidInputError("point", point, rule)
+        check_one_of("point", point, self.points)
         rows = self.coupling[:, self.points.index(point)]
         return np.asarray(np.einsum("kjab,kjb->kja", rows, self.wrenches))
 

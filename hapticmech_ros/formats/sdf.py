@@ -130,7 +130,7 @@ def read_sdf(source: Source, name: str = "") -> Model:
 def read_joints(
     source: Source,
     joints: Iterable[Node],
-    poses: Mapping[str, pin.SE3],
+    placed: dict[str, tuple[str, pin.SE3]],
     bodies: dict[str, Body],
     notes: Counter[str],
 ) -> tuple[list[Joint], list[Coupling]]:
@@ -139,7 +139,7 @@ def read_joints(
     Args:
         source: the file.
         joints: their elements.
-        poses: of its links, by name, in the model's frame.
+        placed: of its links, by name: another frame, and the pose in it.
         bodies: its links; those without mass that joints need are added.
         notes: kinds of elements that are not read, to add to.
 
@@ -147,7 +147,7 @@ def read_joints(
         SceneError: it breaks a rule; names line, element, value and rule.
     """
     reader = _Reader(source, source.root, notes)
-    reader.frames = Frames(source, {name: (HERE, pose) for name, pose in poses.items()})
+    reader.frames = Frames(source, placed)
     reader.frames.poses = {HERE: pin.SE3.Identity(), WORLD: pin.SE3.Identity()}
     for joint in joints:
         reader.frames.place(joint, Scope("", ""))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -44,6 +44,7 @@ from hapticmech_ros.formats.model import (
     from_z,
 )
 from hapticmech_ros.formats.sdf import read_joints
+from hapticmech_ros.formats.sdf_frames import HERE
 from hapticmech_ros.formats.shapes import (
     SIZES,
     find_mesh,
@@ -111,9 +112,12 @@ class GazeboTags:
         if not self.nodes:
             return
         bodies, carried = set(self.bodies), {hinge.child: hinge.parent for hinge in self.hinges}
-        poses = _at_zero(self.hinges, self.bodies)
+        # Where links are with all joints at zero.
+        places = {name: (HERE, pin.SE3.Identity()) for name in self.bodies}
+        for hinge in reversed(self.hinges):
+            places[hinge.child] = (hinge.parent, hinge.in_parent * hinge.of_child)
         nodes = self.nodes.values()
-        hinges, self.couplings = read_joints(source, nodes, poses, self.bodies, notes)
+        hinges, self.couplings = read_joints(source, nodes, places, self.bodies, notes)
         for hinge in hinges:
             turned = hinge.child == WORLD or (
                 hinge.child not in carried
@@ -160,23 +164,6 @@ class GazeboTags:
             why = f"it joins {' and '.join(ends)}, which are not both links of this file"
             self.lost.append(Note(f"{LEFT_OPEN}: {name}", 1, why))
         return True
-
-
-def _at_zero(hinges: Sequence[Joint], bodies: Collection[str]) -> dict[str, pin.SE3]:
-    """Return where links are with all joints at zero, those of circles left out."""
-    below: dict[str, list[Joint]] = {}
-    for hinge in hinges:
-        below.setdefault(hinge.parent, []).append(hinge)
-    carried = {hinge.child for hinge in hinges}
-    poses = {name: pin.SE3.Identity() for name in (WORLD, *bodies) if name not in carried}
-    waiting = list(poses)
-    while waiting:
-        parent = waiting.pop()
-        for hinge in below.get(parent, []):
-            if hinge.child not in poses:
-                poses[hinge.child] = poses[parent] * hinge.in_parent * hinge.of_child
-                waiting.append(hinge.child)
-    return poses
 
 
 def _above(name: str, carried: Mapping[str, str]) -> set[str]:
@@ -248,38 +235,12 @@ def read_urdf(source: Source) -> Model:
         SceneError: it breaks a rule; names line, element, value and rule.
     """
     notes: Counter[str] = Counter()
-    bodies: dict[str, Body] = {}
-    hinges: list[Joint] = []
-    couplings: list[Coupling] = []
-    links: dict[str, Node] = {}
-    joints: dict[str, Node] = {}
-    solids: list[Solid] = []
-    visuals: list[Solid] = []
-    tags: list[Node] = []
-    others: list[Node] = []
-    colours = _colours(source)
-    for node in source.root.children:
-        if node.tag == "link":
-            body = _body(source, node, notes)
-            if body.name in bodies:
-                rule = "names of links must be unique"
-                raise source.twice(node, body.name, links[body.name], rule)
-            bodies[body.name], links[body.name] = body, node
-            for tag, kept in (("collision", solids), ("visual", visuals)):
-                for part in node.all(tag):
-                    place = partial(placement_in, source, part.first("origin"))
-                    solid = solid_of(source, part, body.name, place, _shape_of)
-                    kept.append(replace(solid, colour=_colour(part.first("material"), colours)))
-        elif node.tag == "joint":
-            hinge = _hinge(source, node, notes)
-            if hinge.name in joints:
-                rule = "names of joints must be unique"
-                raise source.twice(node, hinge.name, joints[hinge.name], rule)
-            hinges.append(hinge)
-            joints[hinge.name] = node
-            couplings += _mimic(source, node, hinge.type)
-        else:
-            (tags if node.tag == TAG else others).append(node)
+    links, joints = _by_name(source, "link"), _by_name(source, "joint")
+    others = [one for one in source.root.children if one.tag not in ("link", "joint", TAG)]
+    bodies = {name: _body(source, name, node, notes) for name, node in links.items()}
+    hinges = [_hinge(source, name, node, notes) for name, node in joints.items()]
+    pairs = zip(joints.values(), hinges, strict=True)
+    couplings = [one for node, hinge in pairs for one in _mimic(source, node, hinge)]
     for hinge in hinges:
         for name in (hinge.parent, hinge.child):
             # The world need not be written down.
@@ -294,7 +255,7 @@ def read_urdf(source: Source) -> Model:
     ]
     loop_joints = [ball_constraint(source, node, bodies) for node in others if node.tag == BALL]
     gazebo = GazeboTags(_with_rotors(source, hinges, notes), bodies)
-    gazebo.read(source, tags, joints, notes)
+    gazebo.read(source, source.root.all(TAG), joints, notes)
     read = {point.name for point in points}
     others = [node for node in others if node.tag != BALL and _name(node) not in read]
     lost, others = left_open(others, {*bodies, *read})
@@ -308,15 +269,37 @@ def read_urdf(source: Source) -> Model:
         loop_joints,
         couplings,
         points,
-        solids,
+        _solids(source, links, "collision"),
         notes=[*gazebo.lost, *lost, *found],
         where={
             (kind, name): source.where(node)
             for kind, nodes in (("link", links), ("joint", {**joints, **gazebo.nodes}))
             for name, node in nodes.items()
         },
-        visuals=visuals,
+        visuals=_solids(source, links, "visual"),
     )
+
+
+def _by_name(source: Source, tag: str) -> dict[str, Node]:
+    """Return the links or joints of a file, by their names."""
+    found: dict[str, Node] = {}
+    for node in source.root.all(tag):
+        name = source.text(node, "name")
+        if name in found:
+            raise source.twice(node, name, found[name], f"names of {tag}s must be unique")
+        found[name] = node
+    return found
+
+
+def _solids(source: Source, links: Mapping[str, Node], tag: str) -> list[Solid]:
+    """Return the shapes of links for collisions, or those that are drawn."""
+    colours, found = _colours(source), []
+    for link, node in links.items():
+        for part in node.all(tag):
+            place = partial(placement_in, source, part.first("origin"))
+            solid = solid_of(source, part, link, place, _shape_of)
+            found.append(replace(solid, colour=_colour(part.first("material"), colours)))
+    return found
 
 
 def _colours(source: Source) -> dict[str, Rgba | None]:
@@ -365,8 +348,7 @@ def _with_rotors(source: Source, hinges: Sequence[Joint], notes: Counter[str]) -
     return [replace(one, armature=added.get(one.name, 0.0)) for one in hinges]
 
 
-def _body(source: Source, node: Node, notes: Counter[str]) -> Body:
-    name = source.text(node, "name")
+def _body(source: Source, name: str, node: Node, notes: Counter[str]) -> Body:
     notes.update(part.tag for part in node.children if part.tag not in LINK_KNOWN)
     inertial = node.first("inertial")
     if inertial is None:
@@ -382,8 +364,8 @@ def _body(source: Source, node: Node, notes: Counter[str]) -> Body:
     return Body(name, source.value(mass, "value"), place.translation.copy(), turned)
 
 
-def _hinge(source: Source, node: Node, notes: Counter[str]) -> Joint:
-    name, kind = source.text(node, "name"), source.text(node, "type")
+def _hinge(source: Source, name: str, node: Node, notes: Counter[str]) -> Joint:
+    kind = source.text(node, "type")
     if kind not in JOINT_TYPES:
         raise source.error(node, kind, f"type must be one of {listed(sorted(JOINT_TYPES))}")
     known = {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic"}
@@ -443,12 +425,12 @@ def _limits(
     return lower, upper
 
 
-def _mimic(source: Source, node: Node, kind: str) -> list[Coupling]:
+def _mimic(source: Source, node: Node, hinge: Joint) -> list[Coupling]:
     mimic = node.first("mimic")
     if mimic is None:
         return []
-    name, leader = source.text(node, "name"), source.text(mimic, "joint")
-    if kind not in ("revolute", "prismatic", "fixed"):
+    name, leader = hinge.name, source.text(mimic, "joint")
+    if hinge.type not in ("revolute", "prismatic", "fixed"):
         raise source.error(mimic, name, "only a joint of one coordinate can mimic another")
     if leader == name:
         raise source.error(mimic, name, "a joint mimics another one, not itself")

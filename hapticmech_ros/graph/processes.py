@@ -17,12 +17,11 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from tempfile import TemporaryDirectory
-from types import TracebackType
 from typing import Any
 
 from hapticmech_ros.compilation.library import compile_ahead
@@ -237,7 +236,7 @@ class AuxiliaryProcess:
         return not self._reported
 
 
-class Graph:
+class Graph(AbstractContextManager["Graph"]):
     """The four nodes, in a process each, or composed in one.
 
     Use as a context manager: leaving it stops every process.
@@ -398,15 +397,7 @@ class Graph:
             self._folder.cleanup()
         return codes
 
-    def __enter__(self) -> Graph:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
 
 

@@ -21,7 +21,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.device import NO_WRENCH, DeviceState, ImpedanceDevice
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import InvalidInputError, check_one_of
 from hapticmech_ros.haply.messages import INVERSE3, LONGEST_FRAME, WEBSOCKETS
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.quaternions import quaternion_of
@@ -102,9 +102,7 @@ class EmulatedInverse3:
         presses: Sequence[Press] = (),
     ) -> None:
         for one in presses:
-            if one.button not in BUTTONS:
-                rule = f"must be one of {', '.join(BUTTONS)}"
-                raise InvalidInputError("button", one.button, rule)
+            check_one_of("button", one.button, BUTTONS)
             if not 0.0 <= one.start < one.end:
                 rule = "must be pressed at 0 s or later, and released after that"
                 raise InvalidInputError(f"press of {one.button}", (one.start, one.end), rule)

@@ -13,7 +13,7 @@ from functools import lru_cache, partial
 import numpy as np
 import numpy.typing as npt
 
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import InvalidInputError, check_one_of
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.projection import consistent_initial_state
 from hapticmech_ros.numerics import Array
@@ -218,9 +218,7 @@ def _columns(mechanism: Mechanism, prescribed: Sequence[PrescribedJoint]) -> lis
     if not names or len(set(names)) < len(names):
         raise InvalidInputError("prescribed joints", names, "must be at least one, each named once")
     for joint in prescribed:
-        if joint.joint not in tree.joint_names:
-            rule = f"must be one of {', '.join(tree.joint_names)}"
-            raise InvalidInputError("prescribed joint", joint.joint, rule)
+        check_one_of("prescribed joint", joint.joint, tree.joint_names)
         part = tree.velocity_slice(tree.joint_names.index(joint.joint))
         if part.stop - part.start != 1:
             raise InvalidInputError(

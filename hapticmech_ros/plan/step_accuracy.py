@@ -15,7 +15,7 @@ from typing import get_args
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.errors import HapticMechError, InvalidInputError, check_positive
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import IntegratorName
 from hapticmech_ros.session import Run, Session, SharedSession
@@ -235,8 +235,7 @@ def step_choices(
         HapticMechError: a reference cannot do the experiment, or the two differ by more than a
             tenth of the error.
     """
-    if not 0.0 < wanted_m < np.inf:
-        raise InvalidInputError("error", wanted_m, "must be above 0 m")
+    check_positive(error=wanted_m)
     names = get_args(IntegratorName)
     parts = len(REFERENCES) + len(names)
     found = list[Runs]()

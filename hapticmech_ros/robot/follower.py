@@ -51,7 +51,13 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.control.clutch import Clutch, engage
-from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.errors import (
+    HapticMechError,
+    InvalidInputError,
+    check_not_negative,
+    check_one_of,
+    check_positive,
+)
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.inertia import dtrsv
@@ -70,8 +76,6 @@ from hapticmech_ros.robot.law import (
     Target,
     Tuning,
     TuningRamp,
-    check_not_negative,
-    check_positive,
     longest_delay,
 )
 from hapticmech_ros.scene import Scene
@@ -317,9 +321,7 @@ class FollowerSettings:
     gain_ramp: float = 0.3
 
     def __post_init__(self) -> None:
-        if self.interface not in ("effort", "velocity", "position"):
-            rule = "must be effort, velocity or position"
-            raise InvalidInputError("interface", self.interface, rule)
+        check_one_of("interface", self.interface, ("effort", "velocity", "position"))
         check_positive(
             period=self.period,
             joint_timeout=self.joint_timeout,

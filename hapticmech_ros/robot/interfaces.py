@@ -42,7 +42,12 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.errors import (
+    HapticMechError,
+    InvalidInputError,
+    check_not_negative,
+    check_positive,
+)
 from hapticmech_ros.mechanism.inertia import dtrsv
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.saturation import limited
@@ -50,8 +55,6 @@ from hapticmech_ros.robot.law import (
     Command,
     OperationalLaw,
     Target,
-    check_not_negative,
-    check_positive,
 )
 from hapticmech_ros.robot.mujoco_robot import MujocoRobot
 

@@ -114,7 +114,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.control.clutch import pose_error
-from hapticmech_ros.errors import InvalidInputError, listed
+from hapticmech_ros.errors import InvalidInputError, check_not_negative, check_positive, listed
 from hapticmech_ros.mechanism import Mechanism, PointKinematics
 from hapticmech_ros.mechanism.inertia import dtrsm, dtrsv
 from hapticmech_ros.mechanism.model import authored_state
@@ -124,28 +124,6 @@ from hapticmech_ros.operational.results import RANK_TOLERANCE
 
 # Beyond this a rate, 1/s, is no gain that a loop in discrete time can have.
 _LARGEST = 1e4
-
-
-def check_positive(**values: float) -> None:
-    """Refuse numbers, each by its name, that are not positive and finite.
-
-    Raises:
-        InvalidInputError: one is not.
-    """
-    for name, value in values.items():
-        if not (math.isfinite(value) and value > 0.0):
-            raise InvalidInputError(name, value, "must be a positive number")
-
-
-def check_not_negative(**values: float) -> None:
-    """Refuse numbers, each by its name, that are negative or not finite.
-
-    Raises:
-        InvalidInputError: one is.
-    """
-    for name, value in values.items():
-        if not (math.isfinite(value) and value >= 0.0):
-            raise InvalidInputError(name, value, "must be a number of 0 or more")
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,8 +168,7 @@ class Gains:
             if not (math.isfinite(value) and 0.0 <= value <= _LARGEST):
                 rule = f"must be a number between 0 and {_LARGEST:g}"
                 raise InvalidInputError(gain.name, value, rule)
-        if self.joint_rate == 0.0:
-            raise InvalidInputError("joint_rate", 0.0, "must be above 0")
+        check_positive(joint_rate=self.joint_rate)
         if self.contact_share > 1.0:
             raise InvalidInputError("contact_share", self.contact_share, "must be at most 1")
 

@@ -8,8 +8,8 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from hapticmech_ros.errors import check_not_negative
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.robot.law import check_not_negative
 
 # Of the contact between tool and a mass, N/m and N s/m.
 CONTACT = 20e3, 40.0

@@ -22,7 +22,12 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.errors import HapticMechError, InstallationError, InvalidInputError, listed
+from hapticmech_ros.errors import (
+    HapticMechError,
+    InstallationError,
+    InvalidInputError,
+    check_one_of,
+)
 from hapticmech_ros.mechanism.model import TreeModel, build_tree, se3
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.robot.linear_environment import LinearEnvironment
@@ -110,10 +115,7 @@ class MujocoTree:
             "spherical": self._kinds.mjJNT_BALL,
             "free": self._kinds.mjJNT_FREE,
         }
-        if joint.type not in known:
-            raise InvalidInputError(
-                "joint", joint.type, f"must be one of {listed(known)} for MuJoCo"
-            )
+        check_one_of("joint for MuJoCo", joint.type, known)
         added = body.add_joint(name=joint.name, type=known[joint.type])
         added.align = self._free
         if joint.type in SIMPLE:

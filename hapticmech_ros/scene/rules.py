@@ -233,7 +233,7 @@ def _bodies(scene: SceneDocument) -> Iterator[SceneProblem]:
         slack = 1e-9 * max(moments.max(), 0.0)
         if moments.min() < -slack:
             yield SceneProblem(key, moments.tolist(), "principal moments must not be negative")
-        elif not _is_planar(scene) and moments[0] + moments[1] < moments[2] - slack:
+        elif scene.task_space != "planar" and moments[0] + moments[1] < moments[2] - slack:
             rule = "each principal moment must not exceed the sum of the other two"
             yield SceneProblem(key, moments.tolist(), rule)
         if link.inertial.mass == 0.0 and moments.max() > 0.0:
@@ -248,7 +248,7 @@ def _references(scene: SceneDocument) -> Iterator[SceneProblem]:
         if (closure.kind == "rod") != (closure.length is not None):
             rule = "a rod needs its length (m)" if closure.kind == "rod" else "only a rod has one"
             yield SceneProblem(f"closures[{index}].length", closure.length, rule)
-        if closure.kind == "planar_pin" and not _is_planar(scene):
+        if closure.kind == "planar_pin" and scene.task_space != "planar":
             rule = "planar_pin needs task_space: planar; use spherical or revolute"
             yield SceneProblem(f"closures[{index}].kind", closure.kind, rule)
         if closure.active and closure.latch_distance is not None:
@@ -361,7 +361,7 @@ def _initial_state(scene: SceneDocument) -> Iterator[SceneProblem]:
 
 
 def _plane(scene: SceneDocument) -> Iterator[SceneProblem]:
-    if not _is_planar(scene):
+    if scene.task_space != "planar":
         return
     rule = IN_PLANE
     for index, link in enumerate(scene.links):
@@ -402,7 +402,7 @@ def _hands(scene: SceneDocument) -> Iterator[SceneProblem]:
         held.add(entry.point)
         own = scene.held_by(entry)
         problems = list(broken_holding_rules(own))
-        if _is_planar(scene):
+        if scene.task_space == "planar":
             problems += _hand_in_plane(own)
         given = {name for name in ("hand", "device") if getattr(entry, name) is not None}
         for problem in problems:
@@ -422,10 +422,6 @@ def inertia_matrix(inertia: Inertia) -> np.ndarray:
     """Return the inertia (3, 3), kg m², about the centre of mass in the link's axes."""
     i = inertia
     return np.array([[i.ixx, i.ixy, i.ixz], [i.ixy, i.iyy, i.iyz], [i.ixz, i.iyz, i.izz]])
-
-
-def _is_planar(scene: SceneDocument) -> bool:
-    return scene.task_space == "planar"
 
 
 def has_own_metric(link: Link) -> bool:

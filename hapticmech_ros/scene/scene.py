@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from hapticmech_ros.errors import InvalidInputError, listed, nearest
+from hapticmech_ros.errors import check_one_of
 from hapticmech_ros.scene.document import SceneDocument
 from hapticmech_ros.scene.mechanism import OperationalPoint
 from hapticmech_ros.scene.part import Part
@@ -90,12 +90,9 @@ class Scene(SceneDocument):
         """
         if not name:
             return self.operational_points[0]
-        for point in self.operational_points:
-            if point.name == name:
-                return point
-        known = [point.name for point in self.operational_points]
-        rule = f"must be one of {listed(known)}{nearest(name, known)}"
-        raise InvalidInputError("operational point", name, rule)
+        points = {point.name: point for point in self.operational_points}
+        check_one_of("operational point", name, points)
+        return points[name]
 
 
 def scene_from_document(document: object, source: str = "<document>") -> Scene:

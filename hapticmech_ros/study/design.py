@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 import yaml
 
-from hapticmech_ros.errors import FileError, InvalidInputError
+from hapticmech_ros.errors import FileError, InvalidInputError, check_not_negative
 from hapticmech_ros.files.yaml_text import read_yaml
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene.part import angle_of
@@ -130,9 +130,7 @@ class Design:
             raise InvalidInputError("variations", "none", "there must be at least one")
         if twice:
             raise InvalidInputError("variations", twice, "a key varies once")
-        for name, value in (("samples", self.samples), ("seed", self.seed)):
-            if value < 0:
-                raise InvalidInputError(name, value, "must be 0 or more")
+        check_not_negative(samples=self.samples, seed=self.seed)
         if not self.samples:
             for one in self.variations:
                 if not one.choices:

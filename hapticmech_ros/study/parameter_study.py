@@ -7,11 +7,10 @@ this machine or of a cluster, and when a study was interrupted.
 
 A study's rows are written to disk at once, and an interrupted study resumes from them.
 
-``study.json`` defines the study, ``rows.bin`` has a record for each scene, in the order of their
-arrival: its number and whether it was measured (0) or failed (1), little-endian int64; its numbers,
-float64; and the CRC-32 of all that, uint64. ``failures.jsonl`` has the reasons of failed scenes. An
-incomplete record is cut off when the study resumes, and its scene is measured again; none is ever
-written twice.
+``study.json`` defines the study, ``rows.txt`` has a line for each scene, in the order of their
+arrival: the CRC-32 of the rest, in hexadecimal digits, and JSON: the scene's number, and its
+numbers, or why it failed. An incomplete line is cut off when the study resumes, and its scene is
+measured again; none is ever written twice.
 """
 
 from __future__ import annotations
@@ -45,10 +44,9 @@ from hapticmech_ros.study.task import Task, carry_out, with_unit
 from hapticmech_ros.system.installation import PACKAGE
 from hapticmech_ros.system.workers import Lost, WorkerPool, Workers, versions
 
-DEFINITION, ROWS, FAILURES = "study.json", "rows.bin", "failures.jsonl"
+DEFINITION, ROWS = "study.json", "rows.txt"
 # Largest size of ``study.json``, bytes; a larger file is none.
 MOST_BYTES = 64_000_000
-MEASURED, FAILED = 0, 1
 
 
 class StudyError(HapticMechError):
@@ -75,14 +73,11 @@ class Journal(AbstractContextManager["Journal"]):
     """
 
     def __init__(self, folder: Path, definition: Mapping[str, Any], columns: Sequence[str]) -> None:
-        numbers = ("numbers", "<f8", (len(columns),))
-        self._record = np.dtype([("index", "<i8"), ("status", "<i8"), numbers, ("crc", "<u8")])
         folder.mkdir(parents=True, exist_ok=True)
         self._folder = folder
         self._file = (folder / ROWS).open("a+b")
         try:
             self._begin({**definition, "columns": list(columns)})
-            (folder / FAILURES).touch()
             self.rows = self._read()
         except BaseException:
             self._file.close()
@@ -94,21 +89,11 @@ class Journal(AbstractContextManager["Journal"]):
 
     def write(self, rows: Rows) -> None:
         """Add rows of scenes that have none; when this process ends they are not lost."""
-        reasons = {index: row for index, row in rows.items() if isinstance(row, str)}
-        with (self._folder / FAILURES).open("a", encoding="utf-8") as file:
-            for index, why in reasons.items():
-                file.write(json.dumps({"index": index, "why": why}, ensure_ascii=False) + "\n")
-        records = np.zeros(len(rows), self._record)
-        records["index"] = list(rows)
-        records["status"] = [FAILED if index in reasons else MEASURED for index in rows]
-        for record, row in zip(records, rows.values(), strict=True):
-            record["numbers"] = np.nan if isinstance(row, str) else row
-            record["crc"] = self._crc(record)
-        self._file.write(records.tobytes())
+        for index, row in rows.items():
+            found = {"why": row} if isinstance(row, str) else {"numbers": row.tolist()}
+            text = (json.dumps({"index": index, **found}, ensure_ascii=False) + "\n").encode()
+            self._file.write(b"%08x %b" % (zlib.crc32(text), text))
         self._file.flush()
-
-    def _crc(self, record: Any) -> int:
-        return zlib.crc32(record.tobytes()[: -self._record["crc"].itemsize])
 
     def _begin(self, definition: dict[str, Any]) -> None:
         """Write the study's definition, or check that the folder's is the same.
@@ -141,28 +126,18 @@ class Journal(AbstractContextManager["Journal"]):
 
     def _read(self) -> Rows:
         """Return the stored rows, and cut off an incomplete one."""
-        size, why = self._record.itemsize, self._reasons()
-        data = np.fromfile(self._folder / ROWS, dtype=np.uint8)
-        rows = Rows()
-        for record in data[: data.size // size * size].view(self._record):
-            if int(record["crc"]) != self._crc(record):
+        rows, size = Rows(), 0
+        self._file.seek(0)
+        for line in self._file:
+            crc, _, text = line.partition(b" ")
+            if crc != b"%08x" % zlib.crc32(text):
                 break
-            index, measured = int(record["index"]), record["status"] == MEASURED
-            rows[index] = record["numbers"].copy() if measured else why.get(index, "")
-        self._file.truncate(len(rows) * size)
+            found = json.loads(text)
+            row = found["why"] if "why" in found else np.array(found["numbers"])
+            rows[found["index"]] = row
+            size += len(line)
+        self._file.truncate(size)
         return rows
-
-    def _reasons(self) -> dict[int, str]:
-        """Return why scenes failed; a line that is not whole is left out."""
-        found = dict[int, str]()
-        with (self._folder / FAILURES).open(encoding="utf-8", errors="replace") as file:
-            for line in file:
-                try:
-                    failure = json.loads(line)
-                    found[int(failure["index"])] = str(failure["why"])
-                except (ValueError, KeyError, TypeError):
-                    continue
-        return found
 
 
 def _definition(path: Path) -> dict[str, Any]:
@@ -278,7 +253,7 @@ class ParameterStudy(Results):
         for why in often[:REASONS_SHOWN]:
             yield f"{reasons.count(why)} failed: {why}"
         if len(often) > REASONS_SHOWN:
-            yield f"and for {len(often) - REASONS_SHOWN} more reasons, see failures.jsonl"
+            yield f"and for {len(often) - REASONS_SHOWN} more reasons, see {ROWS}"
         if self.lost:
             yield f"{len(self.lost)} lost: {', '.join(map(str, self.lost[:REASONS_SHOWN]))}"
 

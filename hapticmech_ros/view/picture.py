@@ -63,20 +63,22 @@ def spring_shapes(placement: Placement, unit: float) -> list[Shape]:
 
 def _solid(geometry: Geometry, pose: pin.SE3, unit: float) -> list[Shape]:
     centre, along = pose.translation, pose.rotation[:, 2]
-    if isinstance(geometry, Sphere):
-        return [sphere(centre, 2.0 * geometry.radius, palette.SOLID)]
-    if isinstance(geometry, Box):
-        return [box(pose, geometry.size, palette.SOLID)]
-    if isinstance(geometry, Cylinder):
-        return [cylinder(centre, geometry.length * along, 2.0 * geometry.radius, palette.SOLID)]
-    if isinstance(geometry, Capsule):
-        half = 0.5 * geometry.length * along
-        return capsule(centre - half, centre + half, 2.0 * geometry.radius, palette.SOLID)
-    if isinstance(geometry, HalfSpace):
-        side, thick = PLATE_SIDE * unit, PLATE_THICKNESS * unit
-        below = pose * pin.SE3(np.eye(3), np.array((0.0, 0.0, -0.5 * thick)))
-        return [box(below, (side, side, thick), palette.SOLID)]
-    return []
+    match geometry:
+        case Sphere():
+            return [sphere(centre, 2.0 * geometry.radius, palette.SOLID)]
+        case Box():
+            return [box(pose, geometry.size, palette.SOLID)]
+        case Cylinder():
+            return [cylinder(centre, geometry.length * along, 2.0 * geometry.radius, palette.SOLID)]
+        case Capsule():
+            half = 0.5 * geometry.length * along
+            return capsule(centre - half, centre + half, 2.0 * geometry.radius, palette.SOLID)
+        case HalfSpace():
+            side, thick = PLATE_SIDE * unit, PLATE_THICKNESS * unit
+            below = pose * pin.SE3(np.eye(3), np.array((0.0, 0.0, -0.5 * thick)))
+            return [box(below, (side, side, thick), palette.SOLID)]
+        case _:
+            return []
 
 
 def _coils(ends: Array, radius: float) -> Array:

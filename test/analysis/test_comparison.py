@@ -79,7 +79,7 @@ def test_the_stiffest_gains_leave_a_margin_of_two(delay, factor, stable):
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda scene: ProxyControl(scene, 1.0, -1.0), r"proxy's damping.*0 or more.*got -1"),
+        (lambda scene: ProxyControl(scene, 1.0, -1.0), r"damping.*0 or more.*got -1"),
         (
             lambda scene: stiffest_proxy(scene, directions(scene).analysis, -1),
             r"delay.*0 or more.*got -1",

@@ -21,7 +21,7 @@ from hapticmech_ros.analysis.scene_variants import (
     with_loop,
     without_channel,
 )
-from hapticmech_ros.analysis.touch import MassHeldDevice, Setup, Touched, touched
+from hapticmech_ros.analysis.touch import MassHeldDevice, Setup, comes_to_rest, decays
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.clutch import pose_error
 from hapticmech_ros.control.loop_stability import ON_CIRCLE, lead_gains, loop_terms, spectral_radius
@@ -127,7 +127,7 @@ def test_a_mass_fixed_to_the_device_moves_with_it_and_says_what_it_takes():
     # 0.9 N on 0.3 kg and twice as much: 1 m/s², which takes 0.6 N of the hand.
     assert state.twist[0] == pytest.approx(1e-3, rel=1e-12)
     assert state.hand_wrench[0] == pytest.approx(-0.6, rel=1e-9)
-    with pytest.raises(InvalidInputError, match=r"hand over device mass.*-1"):
+    with pytest.raises(InvalidInputError, match=r"share.*-1"):
         MassHeldDevice(scene, -1.0)
 
 
@@ -148,8 +148,6 @@ def test_a_scene_on_another_device_has_its_figures_and_keeps_its_gains():
         (rules.passive_stiffness(3.0, 1.0, 1e-3), 4000.0),
         (rules.passive_stiffness(1.0, 3.0, 1e-3), 0.0),
         (rules.delayed_stiffness(1.0, 3.0, 1e-3, 1.5e-3), 2000.0),
-        (rules.quantised_stiffness(1.0, 0.02, 1e-3, 4e-5), 1000.0),
-        (rules.quantised_stiffness(1.0, 0.02, 1e-3, 0.0), 2000.0),
         (rules.lightest_mass(0.3, 0.3), 0.1),
     ],
 )
@@ -162,12 +160,11 @@ def test_rules_by_hand(found, expected):
     [
         (rules.passive_stiffness, (-1.0, 1.0, 1e-3)),
         (rules.delayed_stiffness, (1.0, 1.0, 0.0, 1e-3)),
-        (rules.quantised_stiffness, (1.0, -0.5, 1e-3, 1e-5)),
         (rules.lightest_mass, (0.0, 1.0)),
     ],
 )
 def test_numbers_that_no_rule_takes_are_refused(rule, given):
-    with pytest.raises(InvalidInputError, match=r"0 or more|above 0"):
+    with pytest.raises(InvalidInputError, match=r"0 or more|positive"):
         rule(*given)
 
 
@@ -190,8 +187,11 @@ def hum(stiffness, physical, friction, speed):
 
 @pytest.mark.parametrize("speed", [2e-3, 2e-2])
 def test_below_the_rule_of_encoder_steps_nothing_hums(speed):
-    """min(2 b / T, 2 f_c / Δ) is 2000 N/m; a touch ends at rest, sticking."""
-    assert rules.quantised_stiffness(1.0, 0.02, 1e-3, 2e-5) == pytest.approx(2000.0)
+    """min(2 b / T, 2 f_c / Δ) is 2000 N/m; a touch ends at rest, sticking.
+
+    Diolaiti, Niemeyer, Barbagli and Salisbury, "Stability of haptic rendering: discretization,
+    quantization, time delay, and Coulomb effects", IEEE Trans. Robotics 2006.
+    """
     assert hum(1900.0, 1.0, 0.02, speed) == 0.0
 
 
@@ -220,7 +220,7 @@ def test_a_frontier_is_found_from_either_side():
     [(1.0, 0.97, True), (1.0, 1.0, False), (np.inf, np.inf, False), (1e-12, 1e-11, True)],
 )
 def test_what_stays_as_large_is_not_stable(first, last, stable):
-    assert Touched(first, last).stable == stable
+    assert decays(first, last) == stable
 
 
 def test_scaled_scenes_have_scaled_inertia_and_the_same_constraints():
@@ -234,12 +234,12 @@ def test_scaled_scenes_have_scaled_inertia_and_the_same_constraints():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda scene: scaled(scene, 0.0), r"factor on inertias.*positive.*got 0\.0"),
+        (lambda scene: scaled(scene, 0.0), r"factor.*positive.*got 0\.0"),
         (lambda scene: at_rate(scene, 1.0), r"rate.*10 Hz.*got 1\.0"),
         (lambda scene: with_constraint(scene, -1.0, 0.0), r"stiffness.*0 or more.*got -1\.0"),
         (lambda scene: matrix_of(scene, -1), r"delay.*0 or more.*got -1"),
         (
-            lambda scene: touched(Setup(scene), np.zeros(6), lambda _: np.zeros(1), 3, 1.0),
+            lambda scene: comes_to_rest(Setup(scene), np.zeros(6), lambda _: np.zeros(1), 3, 1.0),
             r"ticks.*20 or more.*got 3",
         ),
     ],

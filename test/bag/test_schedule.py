@@ -104,5 +104,5 @@ def test_a_pause_shifts_what_comes_after_it_by_its_length() -> None:
 
 
 def test_time_runs_forward() -> None:
-    with pytest.raises(InvalidInputError, match="rate: must be positive"):
+    with pytest.raises(InvalidInputError, match="rate: must be a positive"):
         Timeline(0, 0, rate=0.0)

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import threading
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,7 @@ from hapticmech_ros.bag.metadata import offered_qos
 from hapticmech_ros.bag.storage import Messages
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.nodes.bags import recorded_topic
-from hapticmech_ros.nodes.bags.bag_player import Prefetch
+from hapticmech_ros.nodes.bags.bag_player import AHEAD, read_ahead
 from hapticmech_ros.nodes.bags.recorded_topic import BagSpool
 
 UINT8 = "std_msgs/msg/UInt8"
@@ -76,12 +77,12 @@ def test_a_full_disk_is_told_and_the_bag_is_finished(tmp_path: Path) -> None:
 
 def test_reading_ahead_hands_on_everything_and_the_end() -> None:
     messages = [("/v", i, DATA) for i in range(10_000)]
-    with Prefetch(iter(messages)) as ahead:
-        assert [ahead.take() for _ in messages] == messages
-        assert ahead.take() is None
-    # Left early, with the queue full: the thread ends all the same.
-    with Prefetch(iter(messages)) as ahead:
-        assert ahead.take() == messages[0]
+    assert list(read_ahead(iter(messages))) == messages
+    # Left early: the thread ends all the same.
+    left = iter(messages)
+    with closing(read_ahead(left)) as ahead:
+        assert next(ahead) == messages[0]
+    assert next(left) == messages[2 * AHEAD]
 
 
 def test_reading_ahead_hands_on_damage() -> None:
@@ -89,7 +90,7 @@ def test_reading_ahead_hands_on_damage() -> None:
         yield ("/v", 1, DATA)
         raise BagError("broken here")
 
-    with Prefetch(damaged()) as ahead:
-        assert ahead.take() == ("/v", 1, DATA)
-        with pytest.raises(BagError, match="broken here"):
-            ahead.take()
+    ahead = read_ahead(damaged())
+    assert next(ahead) == ("/v", 1, DATA)
+    with pytest.raises(BagError, match="broken here"):
+        next(ahead)

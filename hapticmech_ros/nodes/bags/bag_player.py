@@ -12,15 +12,16 @@ And the clock of a replay: which bag time it is, at which rate, and whether it s
 from __future__ import annotations
 
 import os
-import queue
 import select
 import sys
 import termios
-import threading
 import time
 import tty
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -35,7 +36,7 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 from hapticmech_ros.bag.reader import BagReader, BagTopic
-from hapticmech_ros.errors import BagError, HapticMechError, InvalidInputError
+from hapticmech_ros.errors import BagError, HapticMechError, check_positive
 from hapticmech_ros.nodes.bags.recorded_topic import adapted_offer
 from hapticmech_ros.nodes.loop import (
     LONGEST_WAIT_S,
@@ -149,8 +150,7 @@ class Timeline:
     """
 
     def __init__(self, bag_ns: int, now_ns: int, rate: float = 1.0, paused: bool = False) -> None:
-        if not rate > 0.0:
-            raise InvalidInputError("rate", rate, "must be positive")
+        check_positive(rate=rate)
         self._rate = rate
         self._bag_ns, self._from_ns = bag_ns, now_ns
         self.paused = paused
@@ -211,60 +211,36 @@ class Keyboard:
             termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._saved)
 
 
-MOST_AHEAD = 4000
-_POLL_S = 0.1
+# Messages that are read at a time.
+AHEAD = 1000
 
 
-class Prefetch:
-    """A queue of messages that a thread fills while its block lasts."""
+def read_ahead(messages: Iterator[Message]) -> Generator[Message, None, None]:
+    """Yield messages, of which a thread reads some ahead.
 
-    def __init__(self, messages: Iterator[Message]) -> None:
-        self._messages = messages
-        self._queue: queue.Queue[Message | BagError | None] = queue.Queue(MOST_AHEAD)
-        self._ended = False
-        self._thread = threading.Thread(target=self._work, name="prefetch", daemon=True)
+    Raises:
+        BagError: the bag is damaged behind the last one.
+    """
+    with ThreadPoolExecutor(1) as pool:
+        coming = pool.submit(_some, messages)
+        while True:
+            found, error = coming.result()
+            coming = pool.submit(_some, messages)
+            yield from found
+            if error is not None:
+                raise error
+            if not found:
+                return
 
-    def take(self) -> Message | None:
-        """Return the next message, or None behind the last.
 
-        Raises:
-            BagError: the bag is damaged here.
-        """
-        item = self._queue.get()
-        if isinstance(item, BagError):
-            raise item
-        return item
-
-    def _work(self) -> None:
-        try:
-            for message in self._messages:
-                if not self._put(message):
-                    return
-            self._put(None)
-        except BagError as error:
-            self._put(error)
-
-    def _put(self, item: Message | BagError | None) -> bool:
-        while not self._ended:
-            try:
-                self._queue.put(item, timeout=_POLL_S)
-            except queue.Full:
-                continue
-            return True
-        return False
-
-    def __enter__(self) -> Prefetch:
-        self._thread.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._ended = True
-        self._thread.join()
+def _some(messages: Iterator[Message]) -> tuple[list[Message], BagError | None]:
+    """Return the next messages, and the error behind them if the bag is damaged there."""
+    found: list[Message] = []
+    try:
+        found.extend(islice(messages, AHEAD))
+    except BagError as error:
+        return found, error
+    return found, None
 
 
 CLOCK = "/clock"
@@ -292,7 +268,6 @@ class PlayOptions:
         paused: wait for resume before the first message.
         namespace: put the node and every topic under this name.
         wait_s: wait so long at most for a subscriber of every topic, s.
-        ros_arguments: further arguments, beginning with ``--ros-args``.
     """
 
     path: Path
@@ -306,7 +281,6 @@ class PlayOptions:
     paused: bool = False
     namespace: str = ""
     wait_s: float = 0.0
-    ros_arguments: tuple[str, ...] = ()
 
 
 class BagPlayerNode(QuietEventsNode):
@@ -357,14 +331,6 @@ class BagPlayerNode(QuietEventsNode):
     def deaf(self) -> list[str]:
         """Return topics without subscribers."""
         return [name for name, p in self._sent.items() if p.get_subscription_count() == 0]
-
-    def latched(self) -> list[Message]:
-        """Return the latched messages that stand at the beginning."""
-        return latched_first(self._bag, self._cut)
-
-    def messages(self, first: list[Message]) -> Iterator[Message]:
-        """Yield all messages but the first ones, in order of time."""
-        return stream(self._bag, self._cut, first)
 
     def begin(self, first: list[Message], paused: bool) -> None:
         """Publish the first messages, and start the bag's time."""
@@ -443,12 +409,12 @@ class BagPlayerNode(QuietEventsNode):
 def play(options: PlayOptions) -> int:
     """Play until the end or a signal; print a report; return the exit code."""
     stop = StopRequest()
-    rclpy.init(args=list(options.ros_arguments), signal_handler_options=SignalHandlerOptions.NO)
-    node: BagPlayerNode | None = None
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     try:
-        with BagReader(options.path) as bag, Keyboard() as keyboard:
+        with BagReader(options.path) as bag, Keyboard() as keyboard, ExitStack() as ends:
             cut = cut_of(bag, options.topics, options.start_offset_s, options.duration_s)
             node = BagPlayerNode(bag, cut, options)
+            ends.callback(node.destroy_node)
             executor = EventsExecutor()
             executor.add_node(node)
             _wait_for_subscribers(node, executor, stop, options.wait_s)
@@ -456,7 +422,7 @@ def play(options: PlayOptions) -> int:
                 print("space pauses and resumes; Ctrl-C ends it", flush=True)
             paused = options.paused
             while not stop.asked:
-                _play_once(node, executor, stop, keyboard, paused)
+                _play_once(node, bag, cut, executor, stop, keyboard, paused)
                 paused = False
                 if not options.loop:
                     break
@@ -468,17 +434,21 @@ def play(options: PlayOptions) -> int:
         sys.stderr.write(f"error: {error}\n")
         return 1
     finally:
-        if node is not None:
-            node.destroy_node()
         rclpy.try_shutdown()
 
 
 def _play_once(
-    node: BagPlayerNode, executor: Executor, stop: StopRequest, keyboard: Keyboard, paused: bool
+    node: BagPlayerNode,
+    bag: BagReader,
+    cut: Cut,
+    executor: Executor,
+    stop: StopRequest,
+    keyboard: Keyboard,
+    paused: bool,
 ) -> None:
-    first = node.latched()
-    with Prefetch(node.messages(first)) as ahead:
-        message = ahead.take()
+    first = latched_first(bag, cut)
+    with closing(read_ahead(stream(bag, cut, first))) as ahead:
+        message = next(ahead, None)
         node.begin(first, paused)
         while message is not None and not stop.asked:
             if " " in keyboard.pressed():
@@ -487,7 +457,7 @@ def _play_once(
             for _ in range(LONGEST_BURST):
                 if message is None or not node.publish_due(message):
                     break
-                message = ahead.take()
+                message = next(ahead, None)
             if message is not None:
                 wait_for_messages(executor, node.wait_s(message))
 

@@ -10,7 +10,7 @@ import re
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import rclpy
@@ -61,7 +61,6 @@ class RecordOptions:
         use_sim_time: time of reception is the graph's ``/clock``, not the machine's.
         transport: ``auto``: messages that processes of this host send over the lane are received
             there.
-        ros_arguments: further arguments, beginning with ``--ros-args``.
     """
 
     path: Path
@@ -74,7 +73,6 @@ class RecordOptions:
     duration_s: float | None = None
     use_sim_time: bool = False
     transport: Transport = "auto"
-    ros_arguments: tuple[str, ...] = field(default=())
 
 
 class BagRecorderNode(QuietEventsNode):
@@ -228,7 +226,7 @@ class BagRecorderNode(QuietEventsNode):
 def record(options: RecordOptions) -> int:
     """Record until a signal, or the duration's end; print a report; return the exit code."""
     stop = StopRequest()
-    rclpy.init(args=list(options.ros_arguments), signal_handler_options=SignalHandlerOptions.NO)
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     node: BagRecorderNode | None = None
     exchange = Exchange()
     # Nodes that follow /clock are not on the lane.

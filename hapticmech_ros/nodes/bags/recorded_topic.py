@@ -14,7 +14,8 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from functools import partial
+from typing import Any
 
 from rclpy.duration import Duration, Infinite
 from rclpy.node import Node
@@ -44,25 +45,6 @@ WRITE_PERIOD_S = 0.05
 LONGEST_QUEUE_BYTES = 512 << 20
 
 
-class _Part(NamedTuple):
-    """Messages of a topic, and their size in bytes."""
-
-    name: str
-    messages: Messages
-    size: int
-
-
-_NOTHING = _Part("", [], 0)
-
-
-class _Topic(NamedTuple):
-    """An announced topic."""
-
-    name: str
-    msgtype: str
-    offered: tuple[Qos, ...]
-
-
 class BagSpool:
     """Writes messages to a bag from a separate thread.
 
@@ -74,7 +56,8 @@ class BagSpool:
 
     def __init__(self, writer: BagWriter) -> None:
         self._writer = writer
-        self._queue: queue.SimpleQueue[_Part | _Topic | None] = queue.SimpleQueue()
+        # What is to be written, and its size in bytes.
+        self._queue: queue.SimpleQueue[tuple[Callable[[], None], int] | None] = queue.SimpleQueue()
         self._put_bytes = self._written_bytes = 0
         self.dropped: dict[str, int] = {}
         self._lost: dict[str, int | None] = {}
@@ -89,7 +72,8 @@ class BagSpool:
         It takes milliseconds, in which subscriptions would lose messages; an error of the writer
         ends writing, as a full disk does.
         """
-        self._queue.put(_Topic(name, msgtype, tuple(offered)))
+        announce = partial(self._writer.add_topic, name, msgtype, offered=tuple(offered))
+        self._queue.put((announce, 0))
 
     def put(self, name: str, messages: Messages) -> None:
         """Queue messages of a topic."""
@@ -98,7 +82,7 @@ class BagSpool:
             return
         size = sum(len(data) for _, data in messages)
         self._put_bytes += size
-        self._queue.put(_Part(name, messages, size))
+        self._queue.put((partial(self._writer.write_many, name, messages), size))
 
     def note_lost(self, name: str, lost: int | None) -> None:
         """Note how many messages of a topic were lost in transit; None: not known."""
@@ -125,29 +109,22 @@ class BagSpool:
             try:
                 item = self._queue.get(timeout=FLUSH_PERIOD_S)
             except queue.Empty:
-                item = _NOTHING
+                item = (lambda: None, 0)
             if item is None:
                 return
-            begun = time.monotonic()
+            (write, size), begun = item, time.monotonic()
             try:
                 if not self.failure:
-                    self._write(item)
+                    write()
                 if begun - flushed >= FLUSH_PERIOD_S and not self.failure:
                     flushed = begun
                     self._writer.flush()
             except BagError as error:
                 self.failure = error
-            if not isinstance(item, _Topic):
-                self._written_bytes += item.size
+            self._written_bytes += size
             self.worst_wait_s = max(self.worst_wait_s, time.monotonic() - begun)
             if self._queue.empty():
                 time.sleep(WRITE_PERIOD_S)
-
-    def _write(self, item: _Part | _Topic) -> None:
-        if isinstance(item, _Topic):
-            self._writer.add_topic(item.name, item.msgtype, offered=item.offered)
-        elif item.messages:
-            self._writer.write_many(item.name, item.messages)
 
 
 # A bag may be busy for a while: at 2 kHz this is half a second of one topic.

@@ -173,22 +173,23 @@ class LivePageNode(SceneSubscriber[LiveParameters]):
             device.listen(wanted)
 
     def _do(self, command: Command, now_ns: int, clock: float) -> None:
-        if isinstance(command, Drag):
-            device = self._devices.get(command.body.name) if command.body.kind == "hand" else None
-            problem = "" if device is None else device.immovable(now_ns)
-            if problem:
-                raise InvalidInputError("drag of hand", command.body.name, problem)
-            self._dragging.drag_to(command, clock)
-        elif isinstance(command, Release):
-            self._dragging.release(command.body)
-        elif isinstance(command, DragStiffness):
-            self._dragging.stiffen(command.factor)
-        elif isinstance(command, Tune):
-            self._commands.tune(command)
-        elif isinstance(command, SwitchClosure):
-            self._commands.switch(command)
-        elif isinstance(command, Hold):
-            self._commands.hold(command, now_ns)
+        match command:
+            case Drag(body=body):
+                device = self._devices.get(body.name) if body.kind == "hand" else None
+                problem = "" if device is None else device.immovable(now_ns)
+                if problem:
+                    raise InvalidInputError("drag of hand", body.name, problem)
+                self._dragging.drag_to(command, clock)
+            case Release():
+                self._dragging.release(command.body)
+            case DragStiffness():
+                self._dragging.stiffen(command.factor)
+            case Tune():
+                self._commands.tune(command)
+            case SwitchClosure():
+                self._commands.switch(command)
+            case Hold():
+                self._commands.hold(command, now_ns)
 
     def _push(self, now_ns: int) -> None:
         """Push dragged bodies by their present state; not where that is unknown."""
@@ -248,7 +249,7 @@ class LivePageNode(SceneSubscriber[LiveParameters]):
             hand_wrench=_or_none(user.hand_wrench),
             on_hand=_or_none(user.device_command),
             on_mechanism=_or_none(known.point_commands.get(point)),
-            contact=known.state.contacts[self.analyser(point).index],
+            contact=known.state.contacts[self.analysers[point].index],
             holding=device.holding(now_ns),
             immovable=device.immovable(now_ns),
         )
@@ -265,7 +266,7 @@ class LivePageNode(SceneSubscriber[LiveParameters]):
     def _observed(self, received: Received) -> dict[str, Observation]:
         state = received.state
         return {
-            point: self.analyser(point).observe(state.q, state.v, state.active)
+            point: self.analysers[point].observe(state.q, state.v, state.active)
             for point in self.users
         }
 

@@ -21,7 +21,7 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 
 from hapticmech_ros.control.tuning import TUNED
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import check_one_of
 from hapticmech_ros.live.commands import (
     Command,
     Drag,
@@ -189,10 +189,8 @@ class GraphCommands:
         Raises:
             InvalidInputError: it has none for this key.
         """
-        name = _PARAMETERS.get(command.key)
-        if name is None:
-            rule = f"must be one of {', '.join(_PARAMETERS)}"
-            raise InvalidInputError("key to tune", command.key, rule)
+        check_one_of("key to tune", command.key, _PARAMETERS)
+        name = _PARAMETERS[command.key]
         wanted = Parameter(name, value=float(command.value)).to_parameter_msg()
         request, user = SetParameters.Request(parameters=[wanted]), self._users[command.point]
 
@@ -264,10 +262,7 @@ class PageDevice:
 
     def listen(self, wanted: bool) -> None:
         """Subscribe to its samples, or not."""
-        if wanted:
-            self._state.open()
-        else:
-            self._state.close()
+        self._state.listen(wanted)
 
     def forget(self) -> None:
         """Forget its samples."""

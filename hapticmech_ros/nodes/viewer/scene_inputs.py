@@ -95,20 +95,18 @@ class SceneInput(Generic[T]):
         self._latest: Latest[bytes] = Latest()
         self._subscription: Subscription | None = None
 
-    def open(self) -> None:
-        """Subscribe, if that was not done before."""
-        if self._subscription is None:
+    def listen(self, wanted: bool) -> None:
+        """Subscribe, if that was not done before; or subscribe no more, and forget."""
+        node = self._actor.node
+        if wanted and self._subscription is None:
             guarded = self._actor.guarded(self._name, self._keep)
-            self._subscription = self._actor.node.create_subscription(
+            self._subscription = node.create_subscription(
                 self._type, self._name, guarded, CONTROL_SUBSCRIBER, raw=True
             )
-
-    def close(self) -> None:
-        """Subscribe no more, and forget."""
-        if self._subscription is not None:
-            self._actor.node.destroy_subscription(self._subscription)
+        elif not wanted and self._subscription is not None:
+            node.destroy_subscription(self._subscription)
             self._subscription = None
-        self.forget()
+            self.forget()
 
     def forget(self) -> None:
         """Forget received messages."""
@@ -130,8 +128,10 @@ class SceneInput(Generic[T]):
         self._latest.put(message, now_ns)
 
 
-class UserInputs:
-    """Subscriptions of one user's topics.
+def user_inputs(
+    actor: Actor[Any], point: str, prefix: str, directions: int
+) -> dict[str, SceneInput[Any]]:
+    """Return the subscriptions of one user's topics, by the fields of :class:`ReceivedUser`.
 
     Args:
         actor: whose subscriptions they are.
@@ -139,33 +139,19 @@ class UserInputs:
         prefix: before the names of the user's topics.
         directions: that the task space has.
     """
-
-    def __init__(self, actor: Actor[Any], point: str, prefix: str, directions: int) -> None:
-        self._device = SceneInput(
+    return {
+        "device": SceneInput(
             actor,
             prefix + DEVICE_POSE.name,
             PoseStamped,
             lambda data: read_pose(deserialized(data, PoseStamped), actor.limits),
-        )
-        self._hand, self._command = (
-            _wrench_input(actor, prefix + topic.name) for topic in (HAND_FORCE, DEVICE_COMMAND)
-        )
-        self._count = SceneInput(
+        ),
+        "hand_wrench": _wrench_input(actor, prefix + HAND_FORCE.name),
+        "device_command": _wrench_input(actor, prefix + DEVICE_COMMAND.name),
+        "count": SceneInput(
             actor, prefix + COUNT.of(point), UInt8, lambda data: _count(data, directions)
-        )
-
-    def all(self) -> list[SceneInput[Any]]:
-        """Return each of them."""
-        return [self._device, self._hand, self._command, self._count]
-
-    def now(self, now_ns: int, timeout_ns: int) -> ReceivedUser:
-        """Return the user's present state."""
-        return ReceivedUser(
-            self._device.value(now_ns, timeout_ns),
-            self._hand.value(now_ns, timeout_ns),
-            self._command.value(now_ns, timeout_ns),
-            self._count.value(now_ns, timeout_ns),
-        )
+        ),
+    }
 
 
 class SceneInputs:
@@ -189,7 +175,7 @@ class SceneInputs:
             actor, STATE.name, Float64MultiArray, lambda data: layout.unpack(decode(data))
         )
         self._users = {
-            point: UserInputs(actor, point, prefix, directions)
+            point: user_inputs(actor, point, prefix, directions)
             for point, prefix in prefixes.items()
         }
         self._points = {
@@ -207,10 +193,7 @@ class SceneInputs:
     def listen(self, wanted: bool) -> None:
         """Subscribe to everything, or to nothing."""
         for one in self._all():
-            if wanted:
-                one.open()
-            else:
-                one.close()
+            one.listen(wanted)
 
     def forget(self) -> None:
         """Forget received messages."""
@@ -218,7 +201,7 @@ class SceneInputs:
             one.forget()
 
     def _all(self) -> list[SceneInput[Any]]:
-        of_users = [one for user in self._users.values() for one in user.all()]
+        of_users = [one for user in self._users.values() for one in user.values()]
         return [self._state, *of_users, *self._points.values(), *self._touching]
 
     def state(self, now_ns: int, timeout_ns: int) -> WireState | None:
@@ -234,7 +217,10 @@ class SceneInputs:
         commands = {name: one.value(now_ns, timeout_ns) for name, one in self._points.items()}
         return Received(
             state,
-            {point: user.now(now_ns, timeout_ns) for point, user in self._users.items()},
+            {
+                point: ReceivedUser(**{k: one.value(now_ns, timeout_ns) for k, one in user.items()})
+                for point, user in self._users.items()
+            },
             {name: wrench for name, wrench in commands.items() if wrench is not None},
             touching[0] if touching else None,
         )
@@ -267,6 +253,7 @@ class SceneSubscriber(ClockedActor[P]):
         prefixes: of the names of a user's topics, by its point.
         mechanism: of the graph.
         inputs: the subscriptions.
+        analysers: of the points held, by these.
 
     Raises:
         InvalidInputError: no such operational point, or one that is named twice.
@@ -294,10 +281,6 @@ class SceneSubscriber(ClockedActor[P]):
         """Return whether a tick can be done: always, with the present inputs."""
         del deadline_ns
         return True
-
-    def analyser(self, user: str) -> Analyser:
-        """Return the analyser of the point that a user holds."""
-        return self._analysers[user]
 
     def followed(self, grasps: Array) -> bool:
         """Move operational points to the places published by the mechanism.
@@ -332,7 +315,7 @@ class SceneSubscriber(ClockedActor[P]):
         return rigid_count(s, self.scene.perception) if counted is None else counted
 
     def _analyse_anew(self) -> None:
-        self._analysers = {user: Analyser(self.mechanism, user) for user in self.users}
+        self.analysers = {user: Analyser(self.mechanism, user) for user in self.users}
 
     def _held(self, parameters: P) -> tuple[str, ...]:
         named = parameters.held_points.split(",") if parameters.held_points else []

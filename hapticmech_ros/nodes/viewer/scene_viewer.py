@@ -128,11 +128,6 @@ def transform_message(frame: NamedTransform, time_ns: int, prefix: str = "") -> 
     return message
 
 
-def tf_message(message_type: Any, transforms: Iterable[TransformStamped]) -> Any:
-    """Return transforms as one message of tf; ``message_type`` is tf2_msgs' TFMessage."""
-    return message_type(transforms=list(transforms))
-
-
 def wrench_in(frame: str, wrench: Array, time_ns: int) -> WrenchStamped:
     """Return a wrench (6,), axes of ``world``, stamped in a frame that has those axes.
 
@@ -218,7 +213,7 @@ class SceneOutputs:
                 self._wrenches[topic.name, point] = actor.output(topic, WrenchStamped, point=point)
         self._publish_description = actor.output(ROBOT_DESCRIPTION, String, LATCHED)
         self._publish_description.publish(String(data=urdf_of(mechanism)))
-        self._tf_type = tf_type
+        self._tf_type: Any = tf_type
         self._publish_tf: Outlet | None = None
         if tf_type is not None:
             self._publish_tf = self._tf_publisher(TF, BURST_PUBLISHER)
@@ -258,7 +253,7 @@ class SceneOutputs:
         self._fixed = fixed_frames(self._mechanism.scene)
         if self._tf_type is not None:
             fixed = self._transforms(self._fixed, time_ns)
-            self._publish_tf_static.publish(tf_message(self._tf_type, fixed))
+            self._publish_tf_static.publish(self._tf_type(transforms=fixed))
 
     def show_frames(self, moving: Sequence[NamedTransform], time_ns: int) -> None:
         """Publish all frames by name, and on /tf those that move."""
@@ -267,7 +262,7 @@ class SceneOutputs:
                 self._publish_frames.publish(message)
         if self._publish_tf is not None and self._publish_tf.wanted:
             transforms = self._transforms(moving, time_ns)
-            self._publish_tf.publish(tf_message(self._tf_type, transforms))
+            self._publish_tf.publish(self._tf_type(transforms=transforms))
 
     def show_joints(self, q: Array, v: Array, time_ns: int) -> None:
         """Publish positions and rates of the joints of the URDF text.
@@ -425,7 +420,7 @@ class SceneViewer(SceneSubscriber[ViewerParameters]):
         terms = self.mechanism.evaluate(state.q, state.v, state.active)
         users = []
         for point, user in received.users.items():
-            found = self.analyser(point).analyse(terms)
+            found = self.analysers[point].analyse(terms)
             count = self.count(point, received, found.spectrum.s)
             given = user.device, user.hand_wrench, user.device_command
             users.append(UserSnapshot(point, *given, found, count))
