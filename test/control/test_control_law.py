@@ -168,7 +168,7 @@ def test_gains_of_every_kind_take_their_places(kind):
         SCENES[kind],
         joint,
         device,
-        position_channel={**springs, **dampers},
+        position_channel={**springs, **dampers, "to_mechanism": 0.35, "to_device": 0.6},
         force_channel={**forces, "mechanism_feedback": 0.15, "device_feedback": -0.2},
     )
     # Over a connection the device's side has softer channels than the mechanism's.
@@ -216,17 +216,6 @@ def test_the_ramp_is_the_same(duration, since):
     assert (found[1:5] == 0.0).all() == (let_through == 0.0)
     if let_through == 0.0:
         assert np.array_equal(found[0], np.arange(6.0))
-
-
-def test_a_new_engagement_is_noticed_and_an_old_one_remembered():
-    control = control_of(SCENES["spatial"])
-    rng = np.random.default_rng(12)
-    cases = [Case(rng) for _ in range(2)]
-    for case in (*cases, *cases):
-        same(control, case)
-    again = engage(cases[0].clutch.time, cases[0].device.pose, cases[0].point.pose)
-    cases[0].clutch = again
-    assert np.abs(same(control, cases[0])[5]).max() < ROUNDING
 
 
 @pytest.mark.parametrize("ahead", [0.0, 0.004])

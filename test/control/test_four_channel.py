@@ -22,64 +22,6 @@ from oracles.controllers import answered, control_of
 MASS, STIFFNESS, DAMPING = 0.5, 200.0, 6.0
 GAINS = PositionChannelGains(stiffness=STIFFNESS, damping=DAMPING)
 FREE = np.zeros((6, 6))
-CONTROL = control_of("spatial_arm", position_channel={"stiffness": STIFFNESS, "damping": DAMPING})
-
-
-def channels_of(control, share, error, rate, hand, contact):
-    """Return the channels' wrenches on the hand and on the mechanism, which moves by none."""
-    model = OperationalModel(FREE, FREE, share, np.zeros(6))
-    found = answered(control, model, error, rate, hand, contact)
-    return found.four_channel, found.mechanism
-
-
-def along_x(value):
-    return np.array([value, 0.0, 0.0, 0.0, 0.0, 0.0])
-
-
-def accelerations(state, push, contact):
-    """Return (ẍ_h, ẍ_e) of a device and a mechanism of equal mass, joined by the channels."""
-    x_h, v_h, x_e, v_e = state
-    given = (x_h - x_e, v_h - v_e, push, contact)
-    device, mechanism = channels_of(CONTROL, FREE, *map(along_x, given))
-    return (push + device[0]) / MASS, (contact + mechanism[0]) / MASS
-
-
-def test_hand_and_contact_act_on_the_mean_whatever_the_error():
-    rng = np.random.default_rng(0)
-    for _ in range(20):
-        state, (push, contact) = rng.normal(size=4), rng.normal(size=2)
-        a_h, a_e = accelerations(state, push, contact)
-        # Coupling forces of up to 600 N cancel.
-        assert abs(MASS * (a_h + a_e) / 2.0 - (push + contact)) < 1e-12
-        error = STIFFNESS * (state[0] - state[2]) + DAMPING * (state[1] - state[3])
-        assert abs(MASS * (a_h - a_e) + 2.0 * error) < 1e-11
-
-
-def test_the_device_side_leaves_rigid_directions_to_the_joint_constraint():
-    rng = np.random.default_rng(3)
-    n, dual = rng.normal(size=(2, 6))
-    share = np.outer(n, dual) / (n @ dual)
-    given = rng.normal(size=(4, 6))
-    device, mechanism = channels_of(CONTROL, share, *given)
-    # What is left of the coupling has no component along n: its pairing with n's dual is zero.
-    assert abs(dual @ (device - given[3])) < 1e-12 * np.linalg.norm(device) * 10.0
-    # The mechanism is pulled in full: its joints take what they constrain.
-    assert np.array_equal(mechanism, channels_of(CONTROL, FREE, *given)[1])
-
-
-def test_channels_can_be_cut_scaled_and_forces_fed_back():
-    given = np.random.default_rng(6).normal(size=(4, 6))
-    *_, hand, contact = given
-    force = {"contact": 0.25, "hand": 0.5, "mechanism_feedback": 0.125}
-    cut = control_of(
-        "spatial_arm",
-        position_channel={"to_mechanism": 0.0, "to_device": 0.5},
-        force_channel=force,
-    )
-    device, mechanism = channels_of(cut, FREE, *given)
-    whole, _ = channels_of(control_of("spatial_arm", force_channel=force), FREE, *given)
-    assert mechanism == pytest.approx(0.5 * hand + 0.125 * contact, abs=1e-15)
-    assert device - 0.25 * contact == pytest.approx(0.5 * (whole - 0.25 * contact), rel=1e-12)
 
 
 @pytest.mark.parametrize("feedback", [-0.5, -0.2, 0.0])

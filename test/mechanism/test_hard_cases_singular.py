@@ -198,22 +198,3 @@ def test_it_leaves_by_the_branch_that_takes_up_most(push):
     assert np.abs(moved - 0.5 * expected * 0.01**2).max() < 5e-3 * np.abs(moved).max()
     assert np.abs(unaccounted(sim, states)).max() < 1e-6 * states[-1].account.work_in
     assert max(state.closure_error for state in states) < CLOSED
-
-
-def test_two_windows_keep_their_branch_for_ten_seconds():
-    sim = windows()
-    state, nothing = sim.initial_state(), np.zeros((1, 6))
-    apart, worst, tips = 0.0, 0.0, []
-    for step in range(1, 10_001):
-        state = sim.step(state, nothing)
-        apart = max(apart, float(np.ptp(state.q[UPRIGHTS])))
-        worst = max(worst, state.closure_error)
-        if step % 1000 == 0:
-            tips.append(sim.evaluate(state).points[0].pose.translation[:2])
-    # Two branches are radians apart; nearest to a singular position rounding counts 1 / sigma^2.
-    assert apart < 1e-9
-    assert worst < CLOSED
-    # rk4 at 1 ms and 5 rad/s: (5e-3)^4 = 6e-10 of a step's share, summed over some 5 rad a second,
-    # comes to 1e-10 m; a lost branch is off by metres, a projection that stops early by 1e-6 m.
-    assert np.abs(np.array(tips) - pendulum.windows(2, np.arange(1.0, 10.5))).max() < 1e-10
-    assert abs(total_energy(sim, state) - 35.835) < 1e-8

@@ -7,11 +7,9 @@ import pytest
 
 from oracles.analysed import terms_of
 from oracles.differences import relative
-from oracles.frames import in_units, rotated
 from oracles.generator import floats, random_mechanism
-from oracles.kinematics import skew, turn
+from oracles.kinematics import skew
 from oracles.loops import loop
-from oracles.running import with_start
 from sampling import sampled
 
 SAMPLES = [(seed, planar) for planar in (False, True) for seed in sampled(range(8), planar)]
@@ -37,39 +35,6 @@ def test_change_of_point_is_a_congruence(seed, planar):
     assert relative(there.x, shift @ here.x @ shift.T, there.scale) < ROUNDING
     # The link's own inertia moves along: mu is a property of the link, not of the point.
     assert np.abs(there.analysis.spectrum.mu - here.analysis.spectrum.mu).max() < ROUNDING
-
-
-@every_sample
-def test_change_of_axes_is_a_congruence_and_leaves_mu(seed, planar):
-    sample = random_mechanism(seed, planar)
-    axis = np.array([0.0, 0.0, 1.0]) if planar else np.array([2.0, -1.0, 2.0]) / 3.0
-    rotation = turn(axis, 0.7)
-    before = terms_of(sample.document, sample.q)
-    after = terms_of(rotated(sample.document, rotation), sample.q)
-    both = np.kron(np.eye(2), rotation)
-    rows = before.analysis.rows
-    both = both[np.ix_(rows, rows)]
-    assert relative(after.x, both @ before.x @ both.T, before.scale) < ROUNDING
-    assert np.abs(after.analysis.spectrum.mu - before.analysis.spectrum.mu).max() < ROUNDING
-    assert after.analysis.rank == before.analysis.rank
-    p_c, n = (t.analysis.constraint_projector[np.ix_(rows, rows)] for t in (after, before))
-    assert np.linalg.norm(p_c - both @ n @ both.T) <= ROUNDING * np.linalg.norm(n)
-
-
-@every_sample
-@pytest.mark.parametrize(("length", "mass"), [(1e3, 1e3), (1e-3, 1.0), (39.37, 2.205)])
-def test_mu_and_ranks_do_not_depend_on_units(seed, planar, length, mass):
-    """Millimetres and grams, kilometres, inches and pounds."""
-    sample = random_mechanism(seed, planar)
-    document = with_start(sample.document, sample.q)
-    before, after = terms_of(document), terms_of(in_units(document, length, mass))
-    scale = np.array([1.0, 1.0, 1.0, 1.0 / length, 1.0 / length, 1.0 / length])
-    scale = scale[before.analysis.rows] / np.sqrt(mass)
-    # In matching units: entries of X are in 1/kg, 1/(kg m) and 1/(kg m^2).
-    assert relative(after.x / np.outer(scale, scale), before.x, before.scale) < ROUNDING
-    assert np.abs(after.analysis.spectrum.mu - before.analysis.spectrum.mu).max() < ROUNDING
-    assert after.evaluation.space.rank == before.evaluation.space.rank
-    assert after.analysis.rank == before.analysis.rank
 
 
 FOUR_BAR = ("revolute",) * 4

@@ -7,17 +7,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.numerics.layout import OperationalModelSample
-from hapticmech_ros.operational.analysis import Analyser
-from hapticmech_ros.scene import scene_from_document
 from oracles import closed_form
 from oracles.analysed import sample_terms, terms_of
-from oracles.closed_form import kkt
 from oracles.differences import relative
 from oracles.generator import random_mechanism
-from oracles.posed import apart
-from oracles.running import with_joints, with_start
 from sampling import sampled
 
 SAMPLES = [(seed, planar) for planar in (False, True) for seed in sampled(range(10), planar)]
@@ -91,27 +84,3 @@ def test_a_free_body_alone_has_mu_of_one():
     document = document | {"links": [link | {"joint": joint}]}
     terms = terms_of(document, np.array([0.3, 0.1, -0.2, 0.5, 0.5, -0.5, 0.5]))
     assert np.abs(terms.analysis.spectrum.mu - 1.0).max() < 1e-13  # eps times cond(I_l) < 1e3
-
-
-@pytest.mark.parametrize("planar", [False, True])
-@pytest.mark.parametrize("seed", range(4))
-def test_free_acceleration(seed, planar):
-    base = random_mechanism(seed, planar)
-    document = with_joints(base.document, stiffness=3.0, effort=2.0, friction=1.0)
-    ends = {"a": {"link": "link4"}, "b": {"link": "world"}}
-    document["springs"] = [{"name": "s", "stiffness": 5.0, "damping": 1.0} | ends]
-    scene = scene_from_document(with_start(document, base.q, base.v))
-    mechanism = Mechanism(scene)
-    active = mechanism.initially_active
-    v = mechanism.closing_terms(base.q, active).space.closed_rates(base.v)
-    terms = mechanism.evaluate(base.q, v, active)
-    point = terms.points[0]
-    net = terms.passive_force + terms.effort - terms.bias_force
-    rates, _ = kkt(terms.inertia, terms.closure_jacobian, net, terms.closure_bias)
-    expected = point.jacobian @ rates + point.drift
-    analyser = Analyser(mechanism)
-    seen = analyser.observe(base.q, v, active).model
-    known = analyser.analyse(terms).free_acceleration
-    # Closures magnify rounding by their condition, up to 1e3 here.
-    assert apart(known, expected) < 1e-9
-    assert apart(seen[OperationalModelSample.layout.slice("free_acceleration")], expected) < 1e-9
