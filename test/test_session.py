@@ -92,16 +92,6 @@ def test_the_user_feels_the_push_that_the_joints_take(name, window, constraints)
     assert np.sqrt(np.mean(expected[:, :2] ** 2)) > 0.1
 
 
-@pytest.mark.parametrize("name", ["five_bar", "four_bar_closing"])
-def test_the_wrench_of_the_joints_is_larger_after_the_loop_acts(name):
-    run = whole(name)
-    change = run.changes[0][0]
-    size = np.linalg.norm(run.of(lambda s: s.output.joint_constraint[:3]), axis=1)
-    before = (run.time > RAMP_OVER) & (run.time < change)
-    after = run.time >= change
-    assert np.sqrt(np.mean(size[after] ** 2)) > 1.2 * np.sqrt(np.mean(size[before] ** 2))
-
-
 # ---- the count ----
 
 
@@ -231,12 +221,6 @@ def test_loops_can_be_switched_between_ticks():
     assert session.tick().mechanism.active == (False,)
     session.switch_closure("ground_pin", closed=True)
     assert session.tick().mechanism.active == (True,)
-
-
-def test_a_loop_too_far_open_is_not_closed():
-    session = Session(load_scene("four_bar_closing"))
-    with pytest.raises(InvalidInputError, match="ground_pin"):
-        session.switch_closure("ground_pin", closed=True)
 
 
 @pytest.mark.parametrize(

@@ -176,18 +176,21 @@ def test_long_runs_are_shown_by_and_by_and_fill_a_file(tmp_path):
     ],
 )
 def test_what_cannot_be_run_is_refused_and_nothing_has_moved(given, words):
-    session = Session(load_scene("two_link"))
-    with pytest.raises(InvalidInputError, match=words):
-        session.run(**({"ticks": 10} | given))
-    assert session.time == 0.0
+    assert_refused(words, lambda session: session.run(**({"ticks": 10} | given)))
 
 
 @pytest.mark.parametrize("name", ["external_wrench", "hand_wrench"])
 @pytest.mark.parametrize("given", [1.0, np.zeros(3), np.zeros((1, 6))])
 def test_a_tick_takes_wrenches_of_six_numbers_only(name, given):
+    rule = rf"shape of {name}: must be \(6,\)"
+    assert_refused(rule, lambda session: session.tick(**{name: given}))
+
+
+def assert_refused(rule, call):
+    """Assert that a call on a new session is an error, and that nothing has moved."""
     session = Session(load_scene("two_link"))
-    with pytest.raises(InvalidInputError, match=rf"shape of {name}: must be \(6,\)"):
-        session.tick(**{name: given})
+    with pytest.raises(InvalidInputError, match=rule):
+        call(session)
     assert session.time == 0.0
 
 

@@ -33,7 +33,7 @@ SDF = """<sdf version="1.7"><model name="lock">
 MJCF = """<mujoco model="lock"><compiler angle="radian"/><worldbody>
 <body name="upper"><joint name="shoulder" axis="0 0 1"/>
 <inertial mass="1" pos="0.15 0 0" diaginertia="0.001 0.0075 0.0075"/>
-<body name="fore" pos="0.3 0 0"><joint name="elbow" axis="0 0 1" range="{at} {at}"/>
+<body name="fore" pos="0.3 0 0"><joint name="elbow" axis="0 0 1" limited="true" range="{at} {at}"/>
 <inertial mass="0.6" pos="0.125 0 0" diaginertia="0.0006 0.0031 0.0031"/></body></body>
 </worldbody></mujoco>"""
 

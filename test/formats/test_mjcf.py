@@ -653,3 +653,10 @@ def test_a_body_without_mass_is_one(tmp_path, inside):
 def test_numbers_that_mujoco_takes_and_a_scene_does_not_are_named(tmp_path, name):
     with pytest.raises(SceneError, match=r"line 2, <body>: pos must be finite, and not above"):
         read_model(written(tmp_path, f"<worldbody>{UNUSUAL[name]}</worldbody>".format("")))
+
+
+@pytest.mark.parametrize("attribute", ['range="30 30"', 'range="30 30" limited="true"'])
+def test_a_joint_whose_stops_leave_no_travel_is_locked_there(tmp_path, attribute):
+    text = f'<worldbody><body><joint name="j" {attribute}/>{BALL}<body><joint/>{BALL}</body></body>'
+    note = read_model(written(tmp_path, f"{text}</worldbody>")).notes[0]
+    assert str(note) == f"joint j: lower = upper (1 x): locked at {np.deg2rad(30):g}"

@@ -48,17 +48,6 @@ def test_a_run_is_its_steps(scene):
         assert not end.q.flags.writeable
 
 
-def test_a_run_goes_on_where_another_ended():
-    """Two runs in a row are one."""
-    simulator = Simulator(load_scene("five_bar"))
-    start = simulator.initial_state()
-    whole = simulator.run(start, 50)
-    half = simulator.run(start, 25)
-    rest = simulator.run(half.end, 25)
-    assert np.allclose(rest.end.q, whole.end.q, rtol=0.0, atol=1e-13)
-    assert rest.time[0] == half.time[-1] == pytest.approx(0.025)
-
-
 def test_a_loop_latches_in_a_run():
     """Closures that come near close in the step in which they would have one by one."""
     scene = load_scene("four_bar_closing")

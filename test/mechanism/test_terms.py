@@ -51,21 +51,6 @@ def test_factorisations_do_what_dense_ones_do(pair, active):
     factored_as_dense(pair, active)
 
 
-@pytest.mark.parametrize(("pair", "active"), CASES)
-def test_known_closing_terms_change_no_bit(pair, active):
-    mechanism = pair.mechanism
-    closing = mechanism.closing_terms(pair.q, active)
-    mechanism.evaluate(mechanism.integrate(pair.q, 0.1 * pair.v), pair.v, active)  # other scratch
-    once = mechanism.evaluate(pair.q, pair.v, active, closing)
-    anew = mechanism.evaluate(pair.q, pair.v, active)
-    assert once.space.factor.tobytes() == anew.space.factor.tobytes()
-    for one, other in zip(once[:5], anew[:5], strict=True):
-        assert one.tobytes() == other.tobytes()
-    for one, other in zip(once.points, anew.points, strict=True):
-        assert one.jacobian.tobytes() == other.jacobian.tobytes()
-        assert one.drift.tobytes() == other.drift.tobytes()
-
-
 @pytest.mark.parametrize("pair", PAIRS)
 def test_distances_of_closures_are_those_of_their_rows(pair):
     count = len(pair.mechanism.closures)

@@ -77,12 +77,6 @@ class Jacobians:
             total += mass * move.T @ move + spin.T @ body @ spin
         return total
 
-    def centre_of_mass(self) -> tuple[float, Array]:
-        """Return mass and centre of mass of everything."""
-        bodies = [self._body(link)[:2] for link in self._links]
-        mass = sum(mass for _, mass in bodies)
-        return mass, sum(mass * centre for centre, mass in bodies) / mass
-
     def _body(self, link: Document) -> tuple[Array, float, Array]:
         rotation, origin = self.poses[link["name"]]
         inertial = link["inertial"]

@@ -10,13 +10,9 @@ import numpy as np
 import pytest
 
 from benchmarks.reliability import messages
-from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
-from benchmarks.reliability.free_topics import gentler
-from benchmarks.reliability.hostile import Hostile
 from benchmarks.reliability.memory_growth import SAMPLES, MemoryGrowth, worst_growth
 from benchmarks.reliability.messages import Trial
 from benchmarks.reliability.outputs import Outputs
-from benchmarks.reliability.wire_messages import GENTLE
 from hapticmech_ros.loading import load_scene
 
 ON_LINK, ON_HAND = "/mechanism/link2/external_cf/x", "/device/hand_cf/x"
@@ -55,22 +51,6 @@ def test_growth_by_16_bytes_of_each_message_breaks_the_limit(leak, kept):
     assert memory.mebi == pytest.approx(leak * 0.75 * 333_000 / 2**20, rel=0.03, abs=1e-6)
     found = worst_growth("somewhere", [kept_of_each(333_000, 0.0), memory], 333_000)
     assert found.kept == kept
-
-
-def test_a_stranger_on_free_topics_leaves_the_graph_rendering_up_to_its_limit():
-    graph = FakeGraph("five_bar", [ON_LINK, ON_HAND, HELD], ACTORS[:4])
-    graph.run(0.3)
-    hostile = Hostile(5, ["link2", "device"])
-    received = dict(graph.listened())
-    topics = [ON_LINK, ON_HAND, HELD, "/mechanism/handle/set_operational_point"]
-    for _ in range(1000):
-        topic = topics[hostile.index(4)]
-        message = hostile.message(received[topic], b"", graph.now_ns)
-        graph.put(topic, gentler(received[topic], message, *GENTLE))
-        graph.tick()
-    figures = graph.seen.figures("here", True)
-    assert [one.name for one in figures if not one.kept] == []
-    assert graph.seen.not_finite == 0
 
 
 def test_force_beyond_its_limit_or_none_at_all_is_seen():

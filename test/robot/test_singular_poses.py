@@ -109,23 +109,6 @@ def moved(law, q, target, times):
     return [np.split(state, 2) for state in found.y.T]
 
 
-def test_a_regulator_comes_to_rest_as_the_closed_form_says_and_makes_no_energy():
-    """e(t) = e_0 (1 + ω t) exp(-ω t), at every time, while joints move in the null space."""
-    rate = 10.0
-    law = law_of("iiwa14", gains=Gains(linear_rate=rate, angular_rate=rate))
-    start, begin = np.array([0.03, -0.05, 0.04]), np.array([0.2, 0.6, -0.3, -1.4, 0.4, 0.9, 0.0])
-    pose, times, energies = pose_of(law, begin), 2e-3 * np.arange(300), []
-    target = Target(pin.SE3(pose.rotation, pose.translation + start))
-    for time, (q, v) in zip(rate * times, moved(law, begin, target, times), strict=True):
-        point = law.state(q, v).point
-        error = target.pose.translation - point.pose.translation
-        # What the integration leaves of 0.07 m and 0.3 m/s.
-        np.testing.assert_allclose(error, start * (1 + time) * np.exp(-time), atol=1e-8)
-        energies.append(0.5 * rate**2 * error @ error + 0.5 * point.twist @ point.twist)
-    assert max(b - a for a, b in pairwise(energies)) <= 0.0
-    assert energies[-1] < 1e-3 * energies[0]
-
-
 def test_a_straight_arm_bends_again_when_it_is_called_back():
     """In the singular pose no torque pulls inwards: the posture bends the elbow, then the law."""
     law = law_of("iiwa14")

@@ -73,30 +73,3 @@ def test_the_mass_felt_is_what_the_scene_promises():
     assert max(masses) == pytest.approx(1.94, abs=0.02)
     twist, inertia = twist_and_inertia(0.0)
     assert inertia / (twist[:3] @ twist[:3]) == pytest.approx(0.664, abs=0.001)
-
-
-def test_it_keeps_to_its_way(run):
-    q = run.of(lambda s: s.mechanism.q)
-    assert np.ptp(q[:, 0]) > 1.2
-    expected = np.array([way(angle)[0] for angle in q[::50, 0]])
-    # Projection keeps closures to 1e-11 of the length; angles follow by σ of 0.1.
-    assert q[::50] == pytest.approx(expected, abs=1e-9)
-    assert set(run.count) == {5}
-
-
-def test_a_push_off_the_way_is_given_back(run):
-    """In the middle of a chord the hand pulls aside by several N, and the joints hold it."""
-    off = []
-    for sample in run.samples[::25]:
-        twist, _ = twist_and_inertia(sample.mechanism.q[0])
-        along = twist[:3] / np.linalg.norm(twist[:3])
-        aside = np.eye(3) - np.outer(along, along)
-        pull, felt = aside @ sample.hand_wrench[:3], aside @ sample.output.device[:3]
-        off.append((np.linalg.norm(pull), np.linalg.norm(pull + felt)))
-    pulls, left = np.array(off).T
-    assert pulls.max() > 4.0
-    # What is left turns the device's own 0.3 kg along the bend: v² / r of some 0.2 m/s², and
-    # what the spring of 2000 N/m lags behind it.
-    assert left.max() < 0.3
-    gaps = run.of(lambda s: np.linalg.norm(s.device.pose.translation - s.point.pose.translation))
-    assert gaps.max() < 5e-3

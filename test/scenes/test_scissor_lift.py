@@ -85,39 +85,3 @@ def test_the_lift_weighs_nothing(mechanism):
     start = simulator.initial_state()
     end = simulator.run(start, 1000).end
     assert np.abs(end.q - start.q).max() < 1e-6
-
-
-def test_it_rises_as_its_bars_turn(run):
-    q = run.of(lambda s: s.mechanism.q)
-    assert np.ptp(q[:, 7]) > 0.12
-    assert q[:, 7] == pytest.approx(height_of(q[:, 0]), abs=1e-12)
-    assert q[:, 6] == pytest.approx(BAR * np.cos(q[:, 0]), abs=1e-12)
-    assert run.of(lambda s: s.mechanism.closure_error).max() < 1e-12
-    assert set(run.count) == {2}
-
-
-def test_the_hand_feels_the_mass_on_its_way(run):
-    """What hand and device do at the device goes into m ẍ of the lift, to the damping of its pins.
-
-    The session's own mass: force over acceleration, by least squares over the moves.
-    """
-    moving = (run.time > 0.3) & (run.time < 3.0)
-    speed = run.of(lambda s: s.device.twist[1])
-    push = run.of(lambda s: s.hand_wrench[1])
-    columns = np.column_stack((np.gradient(speed, run.time), speed))[moving]
-    (mass, damping), *_ = np.linalg.lstsq(columns, push[moving], rcond=None)
-    angles = run.of(lambda s: s.mechanism.q[0])[moving]
-    between = (mass_of(angles.min()), mass_of(angles.max()))
-    assert min(between) * 0.98 < mass < max(between) * 1.02
-    assert damping > 0.0
-
-
-def test_a_pull_aside_is_given_back(run):
-    """At the end the hand pulls aside by 4 N, and the lift stands where it is."""
-    sample = run.samples[-1]
-    push = sample.hand_wrench[0]
-    assert push > 3.0
-    assert sample.output.joint_constraint[0] == pytest.approx(-push, rel=1e-3)
-    assert sample.point.pose.translation[0] == pytest.approx(BAR, abs=1e-12)
-    # A spring of 2000 N/m stands for the guide.
-    assert sample.output.error[0] == pytest.approx(push / 2000.0, rel=1e-3)

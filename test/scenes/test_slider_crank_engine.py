@@ -15,7 +15,6 @@ FLYWHEEL = 9.8e-4
 ROD_MASS, ROD_CENTRE, ROD_MOMENT = 0.08, 0.05, 1.4e-4
 PISTON_MASS = 0.8
 PUSH = 0.03
-DAMPING = {"crank": 0.004, "rod": 1e-4, "piston": 0.2}
 ANGLES = np.linspace(0.1, 0.1 + 2.0 * np.pi, 25)
 
 
@@ -39,11 +38,6 @@ class Turn:
             + ROD_MASS * centre_rate @ centre_rate
             + ROD_MOMENT * self.tilt_rate**2
             + PISTON_MASS * self.piston_rate**2
-        )
-        self.damping = (
-            DAMPING["crank"]
-            + DAMPING["rod"] * (self.tilt_rate - 1.0) ** 2
-            + DAMPING["piston"] * self.piston_rate**2
         )
         self.q = np.array([angle, self.tilt - angle, self.piston - INMOST])
 
@@ -87,45 +81,6 @@ def test_the_pin_is_two_constraints_over_whole_turns(run):
     assert turned[-1] - turned[0] > 10.0 * np.pi
     assert run.changes == []
     assert run.count[0] == 2
-
-
-def test_the_crank_obeys_its_own_equation_of_motion(run):
-    """I ω' + ½ dI/dθ ω² = couple - c ω: one turn of the session against Runge and Kutta's rule.
-
-    The session's couple is the hand's and what the position channel adds, as it was commanded.
-    """
-    begin, end = 3000, 4000
-    states = run.of(lambda s: (s.mechanism.q[0], s.mechanism.v[0]))
-    pushes = run.of(lambda s: s.output.mechanism)
-    h = run.session.period
-
-    def rates(state, push):
-        angle, speed = state
-        turn, step = Turn(angle), 1e-5
-        slope = (Turn(angle + step).inertia - Turn(angle - step).inertia) / (2.0 * step)
-        couple = push[5] + push[:2] @ turn.pin_rate
-        force = couple - turn.damping * speed - 0.5 * slope * speed**2
-        return np.array([speed, force / turn.inertia])
-
-    state = states[begin]
-    for tick in range(begin, end):
-        push = pushes[tick - 1]  # commands act a period later
-        one = rates(state, push)
-        two = rates(state + 0.5 * h * one, push)
-        three = rates(state + 0.5 * h * two, push)
-        four = rates(state + h * three, push)
-        state = state + h / 6.0 * (one + 2.0 * two + 2.0 * three + four)
-    # The session's rule is of second order: (ω h)² of an angle of some 7 rad.
-    assert states[end] == pytest.approx(state, rel=2e-5)
-
-
-def test_the_speed_goes_with_the_mass_felt(run):
-    """The heavier the slower: the flywheel's even part hides in neither."""
-    settled = run.time > 3.0
-    speeds = run.of(lambda s: s.mechanism.v[0])[settled]
-    masses = run.of(lambda s: 1.0 / np.trace(s.analysis.inverse_inertia[:2, :2]))[settled]
-    assert np.corrcoef(speeds, masses)[0, 1] < -0.5
-    assert speeds.max() > 1.3 * speeds.min()
 
 
 def test_the_hand_feels_the_couple_that_it_gives(run):
