@@ -10,8 +10,6 @@ import pytest
 from hapticmech_ros import InvalidInputError, Session, load_scene
 from hapticmech_ros.loading import shipped_scenes
 
-PUSH = np.array([0.3, -0.2, 0.0, 0.0, 0.0, 0.01])
-
 
 @pytest.mark.parametrize("name", shipped_scenes())
 def test_a_wrench_of_nothing_on_a_link_changes_no_bit(name):

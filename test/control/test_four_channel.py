@@ -1,10 +1,8 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Four-channel controller: the transparency oracle of physics section 5, in one dimension.
+"""Four-channel controller: forces fed back, and gains of a loop that is late.
 
-With equal impedances sΛ on both sides, C2 = C3 = 1 and C_m = C_s:
-(sΛ + C_m + C_s)(V_h - V_e) = 0, so drift decays; sΛ (V_h + V_e)/2 = F_h - F_e, so the user feels Λ
-and the contact, whatever the gains.
+What hand and contact do to both sides is in test_control_law and, of sessions, test_transparency.
 """
 
 import numpy as np
@@ -19,7 +17,7 @@ from hapticmech_ros.scene.controller import (
 )
 from oracles.controllers import answered, control_of
 
-MASS, STIFFNESS, DAMPING = 0.5, 200.0, 6.0
+STIFFNESS, DAMPING = 200.0, 6.0
 GAINS = PositionChannelGains(stiffness=STIFFNESS, damping=DAMPING)
 FREE = np.zeros((6, 6))
 

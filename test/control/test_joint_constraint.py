@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Joint-constraint controller: only wrenches that joints carry, limited, without a step."""
+"""Limits of the joint constraint's wrench, and of others: they hold, and directions stay."""
 
 import numpy as np
 import pytest

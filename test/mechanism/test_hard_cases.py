@@ -8,7 +8,7 @@ Never NaN, never silence: a step gives a closed, finite state or raises an error
 import numpy as np
 import pytest
 
-from benchmarks.accuracy import cases, n_four_bar
+from benchmarks.accuracy import n_four_bar
 from hapticmech_ros.errors import ClosureError, HapticMechError
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.simulation import Simulator
@@ -16,7 +16,6 @@ from oracles import pendulum
 from oracles.planar_loops import Loop
 from oracles.running import run, simulator, total_energy, unaccounted
 
-CASES = {case.name: case for case in cases()}
 CLOSED = 1e-11
 LENGTHS, PIVOT = np.array([0.3, 0.9, 0.7]), np.array([0.8, 0.1])
 

@@ -15,9 +15,6 @@ from benchmarks.reliability.messages import Trial
 from benchmarks.reliability.outputs import Outputs
 from hapticmech_ros.loading import load_scene
 
-ON_LINK, ON_HAND = "/mechanism/link2/external_cf/x", "/device/hand_cf/x"
-HELD = "/mechanism/link2/external_cf/persistent/x"
-
 
 def test_a_tick_that_takes_long_is_the_longest_also_while_the_graph_is_looked_at(monkeypatch):
     monkeypatch.setattr(messages, "SETTLED_S", 1.0)
