@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -27,41 +28,34 @@ def write(path: Path, make: Bytes, stamps: Sequence[int], storage: str = "mcap")
     return record(path, sent, storage)
 
 
+SOUND = {"count": 100, "backwards": 0, "repeated": 0, "lost": 0, "gaps": 0, "stamped": True}
+# Stamps in ms, and what is said of their topic.
+STAMPS: dict[str, tuple[list[int], dict[str, Any]]] = {
+    "even": ([*range(100)], SOUND | {"notes": (), "rate_hz": pytest.approx(1000.0)}),
+    "gaps, and what they swallowed": (
+        [i for i in range(200) if i not in (50, 51, 52, 120)],
+        {"gaps": 2, "lost": 4, "largest_gap_s": pytest.approx(0.004)},
+    ),
+    "no losses without a period": ([i * i for i in range(50)], {"lost": None}),
+    "back, and at a stand": ([0, 1, 2, 2, 3, 5, 4, 6, 7], {"backwards": 1, "repeated": 1}),
+}
+
+
+@pytest.mark.parametrize(("stamps", "expected"), STAMPS.values(), ids=STAMPS)
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
-def test_a_sound_bag(storage: str, tmp_path: Path, wrench_bytes: Bytes) -> None:
-    stamps = [START + i * MS for i in range(100)]
-    report = check(write(tmp_path / "bag", wrench_bytes, stamps, storage))
+def test_stamps_of_a_sound_bag(
+    storage: str,
+    stamps: list[int],
+    expected: dict[str, Any],
+    tmp_path: Path,
+    wrench_bytes: Bytes,
+) -> None:
+    sent = [START + ms * MS for ms in stamps]
+    report = check(write(tmp_path / "bag", wrench_bytes, sent, storage))
     assert report.is_sound
     (topic,) = report.topics
-    assert (topic.count, topic.backwards, topic.repeated, topic.lost, topic.gaps) == (
-        *(100, 0, 0, 0),
-        0,
-    )
-    assert topic.stamped
-    assert topic.rate_hz == pytest.approx(1000.0)
-    assert topic.notes == ()
+    assert {name: getattr(topic, name) for name in expected} == expected
     json.dumps(report.as_dict())
-
-
-def test_counts_gaps_and_what_they_swallowed(tmp_path: Path, wrench_bytes: Bytes) -> None:
-    stamps = [START + i * MS for i in range(200) if i not in (50, 51, 52, 120)]
-    (topic,) = check(write(tmp_path / "bag", wrench_bytes, stamps)).topics
-    assert (topic.gaps, topic.lost) == (2, 4)
-    assert topic.largest_gap_s == pytest.approx(0.004)
-
-
-def test_says_nothing_of_losses_without_a_period(tmp_path: Path, wrench_bytes: Bytes) -> None:
-    stamps = [START + i * i * MS for i in range(50)]
-    (topic,) = check(write(tmp_path / "bag", wrench_bytes, stamps)).topics
-    assert topic.lost is None
-
-
-def test_stamps_that_go_back_or_stand_still(tmp_path: Path, wrench_bytes: Bytes) -> None:
-    order = [0, 1, 2, 2, 3, 5, 4, 6, 7]
-    report = check(write(tmp_path / "bag", wrench_bytes, [START + i * MS for i in order]))
-    (topic,) = report.topics
-    assert (topic.backwards, topic.repeated) == (1, 1)
-    assert report.is_sound
 
 
 def test_messages_that_cannot_be_decoded(tmp_path: Path, wrench_bytes: Bytes) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 import json
 import math
 import struct
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -55,30 +55,94 @@ def wrenches(make: Bytes, count: int, first: int = START) -> list[tuple[int, byt
     return [(first + i * MS, make(first + i * MS, 0.1 * i)) for i in range(count)]
 
 
-@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
-def test_a_bag_equals_itself(storage: str, tmp_path: Path, wrench_bytes: Bytes) -> None:
-    path = bag(tmp_path / "a", WRENCH, wrenches(wrench_bytes, 50), storage)
-    report = compare(path, path)
-    topic = one(report)
-    assert (topic.matched, topic.missing, topic.extra, topic.equal) == (50, 0, 0, 50)
-    assert topic.matched_by == "stamp"
-    assert report.is_exact
-    assert report.largest == 0.0
-    assert [field.name for field in topic.fields if "force" in field.name] == [
-        f"wrench.force.{axis}" for axis in "xyz"
+def late(make: Bytes) -> list[tuple[int, bytes]]:
+    """Return messages of a run an hour later, whose stamps are a little uneven, but for one."""
+    shift = HOUR + 400_000
+    return [
+        (t + shift + 50_000, make(t + shift + (i % 3) * 100_000, 0.1 * i))
+        for i, (t, _) in enumerate(wrenches(make, 50))
+        if i != 11
     ]
 
 
-def test_missing_and_extra_messages(tmp_path: Path, wrench_bytes: Bytes) -> None:
-    sent = wrenches(wrench_bytes, 50)
-    a = bag(tmp_path / "a", WRENCH, sent[:45])
-    b = bag(tmp_path / "b", WRENCH, [m for i, m in enumerate(sent) if i not in (7, 8, 30)])
-    topic = one(compare(a, b))
-    assert (topic.matched, topic.missing, topic.extra, topic.equal) == (42, 3, 5, 42)
-    assert not compare(a, b).is_exact
+def stamped_later(make: Bytes, by_ns: int) -> list[tuple[int, bytes]]:
+    return [(t, make(t + by_ns, 0.1 * i)) for i, (t, _) in enumerate(wrenches(make, 20))]
+
+
+def without_stamps(first: int, count: int) -> list[tuple[int, bytes]]:
+    return [(START + first + i, bytes((0, 1, 0, 0, i))) for i in range(count)]
+
+
+HOUR = 3_600_000_000_000
+ALL = {"matched": 50, "missing": 0, "extra": 0, "equal": 50, "matched_by": "stamp"}
+# Type, messages of both bags, how they are aligned, and what is said of the topic.
+MATCHED: dict[str, tuple[str, Callable[[Bytes], Messages], Callable[[Bytes], Messages], str, Any]]
+MATCHED = {
+    "itself": (
+        *(WRENCH, lambda make: wrenches(make, 50), lambda make: wrenches(make, 50), "stamp"),
+        ALL | {"is_exact": True, "largest": 0.0},
+    ),
+    "missing and extra": (
+        WRENCH,
+        lambda make: wrenches(make, 45),
+        lambda make: [m for i, m in enumerate(wrenches(make, 50)) if i not in (7, 8, 30)],
+        *("stamp", {"matched": 42, "missing": 3, "extra": 5, "equal": 42, "is_exact": False}),
+    ),
     # What is only in the second bag does not make it less exact.
-    assert compare(b, b).is_exact
-    assert compare(bag(tmp_path / "c", WRENCH, sent[:10]), a).is_exact
+    "extra": (
+        *(WRENCH, lambda make: wrenches(make, 10), lambda make: wrenches(make, 45), "stamp"),
+        {"extra": 35, "is_exact": True},
+    ),
+    "shifted": (WRENCH, lambda make: wrenches(make, 50), late, "stamp", {"matched": 0}),
+    # Stamps are not among the fields: they differ on purpose.
+    "shifted, by the start": (
+        *(WRENCH, lambda make: wrenches(make, 50), late, "start"),
+        {"matched": 49, "missing": 1, "extra": 0, "equal": 49, "largest": 0.0},
+    ),
+    "without stamps": (
+        *(UINT8, lambda _: without_stamps(0, 20), lambda _: without_stamps(5, 17), "stamp"),
+        {"matched_by": "order", "matched": 17, "missing": 3, "equal": 17},
+    ),
+    "stamps of zero": (
+        WRENCH,
+        lambda make: [(START + i, make(0, float(i))) for i in range(9)],
+        lambda make: [(START + i, make(0, float(i))) for i in range(9)],
+        *("stamp", {"matched_by": "order"}),
+    ),
+    "apart": (
+        *(WRENCH, lambda make: wrenches(make, 20), lambda make: stamped_later(make, 300_000)),
+        *("stamp", {"matched": 0}),
+    ),
+    "apart, the nearest": (
+        *(WRENCH, lambda make: wrenches(make, 20), lambda make: stamped_later(make, 300_000)),
+        *("nearest", {"matched": 20, "missing": 0, "extra": 0}),
+    ),
+    "far apart, the nearest": (
+        *(WRENCH, lambda make: wrenches(make, 20), lambda make: stamped_later(make, HOUR)),
+        *("nearest", {"matched": 0}),
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    ("kind", "first", "second", "align", "expected"), MATCHED.values(), ids=MATCHED
+)
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_messages_are_matched(
+    storage: str,
+    kind: str,
+    first: Callable[[Bytes], Messages],
+    second: Callable[[Bytes], Messages],
+    align: str,
+    expected: dict[str, Any],
+    tmp_path: Path,
+    wrench_bytes: Bytes,
+) -> None:
+    a = bag(tmp_path / "a", kind, first(wrench_bytes), storage)
+    report = compare(a, bag(tmp_path / "b", kind, second(wrench_bytes), storage), align=align)
+    topic = one(report)
+    found = {name: getattr(topic, name, report.is_exact) for name in expected}
+    assert found == expected
 
 
 def test_known_deviation(tmp_path: Path, wrench_bytes: Bytes) -> None:
@@ -88,6 +152,7 @@ def test_known_deviation(tmp_path: Path, wrench_bytes: Bytes) -> None:
     a, b = bag(tmp_path / "a", WRENCH, sent), bag(tmp_path / "b", WRENCH, moved)
     report = compare(a, b)
     fields = {field.name: field for field in one(report).fields}
+    assert [name for name in fields if "force" in name] == [f"wrench.force.{x}" for x in "xyz"]
     # Force is (f, 2 f, -f). Rounding: 0.1 i is at most 5, with an ulp of 9e-16.
     for axis, factor in (("x", 1.0), ("y", 2.0), ("z", 1.0)):
         field = fields[f"wrench.force.{axis}"]
@@ -141,35 +206,6 @@ def test_negative_zero_differs_in_bits_only(tmp_path: Path) -> None:
     report = compare(a, b)
     assert report.largest == 0.0
     assert not report.is_exact
-
-
-def test_shifted_runs_are_aligned_by_their_start(tmp_path: Path, wrench_bytes: Bytes) -> None:
-    shift = 3_600_000_000_000 + 400_000
-    a = bag(tmp_path / "a", WRENCH, wrenches(wrench_bytes, 50))
-    late = [
-        (t + shift + 50_000, wrench_bytes(t + shift + (i % 3) * 100_000, 0.1 * i))
-        for i, (t, _) in enumerate(wrenches(wrench_bytes, 50))
-        if i != 11
-    ]
-    b = bag(tmp_path / "b", WRENCH, late)
-    assert one(compare(a, b)).matched == 0
-    topic = one(compare(a, b, align="start"))
-    assert (topic.matched, topic.missing, topic.extra, topic.equal) == (49, 1, 0, 49)
-    # Stamps are not among the fields: they differ on purpose.
-    assert topic.largest == 0.0
-
-
-def test_messages_without_stamps_are_matched_by_order(tmp_path: Path) -> None:
-    values = [(START + i, bytes((0, 1, 0, 0, i))) for i in range(20)]
-    a = bag(tmp_path / "a", UINT8, values)
-    b = bag(tmp_path / "b", UINT8, [(t + 5, data) for t, data in values[:17]])
-    topic = one(compare(a, b))
-    assert (topic.matched_by, topic.matched, topic.missing, topic.equal) == ("order", 17, 3, 17)
-
-
-def test_stamps_of_zero_are_none(tmp_path: Path, wrench_bytes: Bytes) -> None:
-    a = bag(tmp_path / "a", WRENCH, [(START + i, wrench_bytes(0, float(i))) for i in range(9)])
-    assert one(compare(a, a)).matched_by == "order"
 
 
 def test_big_endian_stamps_are_read(tmp_path: Path) -> None:
@@ -239,16 +275,3 @@ def test_nearest_takes_no_message_twice() -> None:
     assert by_nearest([5], [5]) == [(0, 0)]
     # As near to the second as to the third.
     assert by_nearest([0, 10, 20], [15]) == [(1, 0)]
-
-
-def test_nearest_stamps_of_one_clock_are_paired(tmp_path: Path, wrench_bytes: Bytes) -> None:
-    messages = wrenches(wrench_bytes, 20)
-    a = bag(tmp_path / "a", WRENCH, messages)
-    moved = [(t, wrench_bytes(t + 300_000, 0.1 * i)) for i, (t, _) in enumerate(messages)]
-    b = bag(tmp_path / "b", WRENCH, moved)
-    assert one(compare(a, b)).matched == 0
-    topic = one(compare(a, b, align="nearest"))
-    assert (topic.matched, topic.missing, topic.extra) == (20, 0, 0)
-    far = [(t, wrench_bytes(t + 3_600_000_000_000, 0.1 * i)) for i, (t, _) in enumerate(messages)]
-    c = bag(tmp_path / "c", WRENCH, far)
-    assert one(compare(a, c, align="nearest")).matched == 0

@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 
-from hapticmech_ros.scene.device import Compensation, Device
+from hapticmech_ros.scene.device import Device
 from oracles.devices import PERIOD, body_of, run
 
 PUSH = np.array([0.4, -0.2, 0.1, 1e-3, 0.0, -2e-3])
@@ -86,8 +86,3 @@ def test_what_is_published_is_what_the_sensor_says():
         assert np.array_equal(end.published[13:19], end.reported)
         assert body.sensed(PUSH).any() == (sensor == "measured")
         assert end.reported.any() == (sensor == "estimated")
-
-
-def test_compensation_parts_are_strict():
-    with pytest.raises(ValueError, match="less than 1"):
-        Compensation(friction=1.0)

@@ -226,13 +226,6 @@ def test_what_acts_in_a_joint_is_carried_over(tmp_path, lower, upper, stops):
     assert ours.notes == {"effort limit": 1}
 
 
-def test_gravity_is_that_of_the_world(tmp_path):
-    path = written(tmp_path, [link("a"), joint("i", "world", "a")])
-    text = path.read_text().replace("<model", "<world><gravity>1 2 3</gravity><model")
-    path.write_text(text.replace("</model>", "</model></world>"))
-    assert Read(path).scene.gravity == (1.0, 2.0, 3.0)
-
-
 HINGE = joint("i", "world", "a")
 BROKEN = {
     "circle": (

@@ -112,37 +112,10 @@ def test_of_several_devices_one_is_named():
     assert found_in(two, "B").device_id == "B"
 
 
-@pytest.mark.parametrize(
-    ("path", "value", "named"),
-    [
-        (("config", "basis", "permutation"), "XZY", "basis"),
-        (("config", "mount", "scale"), {"x": 2, "y": 2, "z": 2}, "mount.scale"),
-        (("config", "mount", "position", "x"), 0.1, "mount.position"),
-        (("state", "transform", "rotation"), {"w": 0, "x": 1}, "transform.rotation"),
-    ],
-)
-def test_what_would_scale_or_turn_all_that_is_felt_is_refused(path, value, named):
-    with pytest.raises(InvalidInputError, match=named):
-        found_in(changed(("inverse3", 0, *path), value), "")
-
-
 @pytest.mark.parametrize("name", ["calibrated", "power_supply", "ready", "started"])
 def test_a_device_that_gives_no_force_says_why(name):
     frame = changed(("inverse3", 0, "status", name), False)
     assert cursor_of(frame, "049D").refusal
-
-
-@pytest.mark.parametrize("value", [None, True, "1", [], float("nan"), float("inf"), 1.5, -2.0])
-def test_places_that_are_none_are_refused(value):
-    with pytest.raises(InvalidInputError, match="cursor_position"):
-        cursor_of(changed(("inverse3", 0, "state", "cursor_position", "y"), value), "049D")
-
-
-@pytest.mark.parametrize("quaternion", [{}, {"w": 0.5, "x": 0.0, "y": 0.0, "z": 0.0}])
-def test_an_orientation_that_is_none_is_refused(quaternion):
-    path = ("wireless_verse_grip", 0, "state", "orientation")
-    with pytest.raises(InvalidInputError, match="orientation"):
-        cursor_of(changed(path, quaternion), "049D")
 
 
 def with_grip(group, **state):
@@ -173,18 +146,36 @@ def test_buttons_of_a_handle_are_read_in_the_order_of_their_names(group, state, 
     assert cursor.buttons == pressed
 
 
-@pytest.mark.parametrize(
-    ("state", "named"),
-    [
-        ({"buttons": {"a": 1}}, "buttons: must be true or false"),
-        ({"button": "yes"}, "buttons: must be true or false"),
-        ({"buttons": [True]}, "buttons: must be an object"),
-        ({"buttons": {f"b{i}": True for i in range(33)}}, "buttons: must be at most 32"),
-    ],
-)
-def test_buttons_that_are_none_are_refused(state, named):
+OF_HANDLE, OF_DEVICE = ("wireless_verse_grip", 0, "state"), ("inverse3", 0)
+# Where a frame is changed, to what, and what the error names.
+REFUSED = [
+    *(
+        ((*OF_DEVICE, *path), value, named)
+        for path, value, named in (
+            # What would scale or turn all that is felt.
+            (("config", "basis", "permutation"), "XZY", "basis"),
+            (("config", "mount", "scale"), {"x": 2, "y": 2, "z": 2}, "mount.scale"),
+            (("config", "mount", "position", "x"), 0.1, "mount.position"),
+            (("state", "transform", "rotation"), {"w": 0, "x": 1}, "transform.rotation"),
+        )
+    ),
+    *(
+        ((*OF_DEVICE, "state", "cursor_position", "y"), value, "cursor_position")
+        for value in (None, True, "1", [], float("nan"), float("inf"), 1.5, -2.0)
+    ),
+    ((*OF_HANDLE, "orientation"), {}, "orientation"),
+    ((*OF_HANDLE, "orientation"), {"w": 0.5, "x": 0.0, "y": 0.0, "z": 0.0}, "orientation"),
+    (OF_HANDLE, {"buttons": {"a": 1}}, "buttons: must be true or false"),
+    (OF_HANDLE, {"button": "yes"}, "buttons: must be true or false"),
+    (OF_HANDLE, {"buttons": [True]}, "buttons: must be an object"),
+    (OF_HANDLE, {"buttons": {f"b{i}": True for i in range(33)}}, "buttons: must be at most 32"),
+]
+
+
+@pytest.mark.parametrize(("path", "value", "named"), REFUSED)
+def test_what_breaks_a_rule_is_refused(path, value, named):
     with pytest.raises(InvalidInputError, match=named):
-        cursor_of(with_grip("verse_grip", **state), "049D")
+        found_in(changed(path, value), "")
 
 
 def test_a_force_is_written_as_documented():

@@ -111,13 +111,3 @@ def test_planar_loops_by_hand_and_the_package_move_alike(name, weighed):
     assert np.abs(np.exp(1j * turned) - np.exp(1j * expected)).max() < 1e-10
     moved = np.abs(expected - loop.angles(u)).max()
     assert moved > 0.1
-
-
-def test_an_output_tells_the_worst_component_and_refuses_other_shapes():
-    output = CASES["pendulum"].outputs[0]
-    found = np.array(output.values)
-    found[1, 0] += 2e-3
-    found[0, 1] -= 1e-3
-    assert output.error(found) == pytest.approx(2e-3, rel=1e-9)
-    with pytest.raises(InvalidInputError, match="shape"):
-        output.error(found[:1])

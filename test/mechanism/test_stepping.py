@@ -112,7 +112,7 @@ class TestErrors:
         ("integrator", "what"),
         [("rk4", "rates"), ("rk2", "rates"), ("semi_implicit_euler", "state")],
     )
-    @pytest.mark.parametrize("bad", [np.nan, np.inf])
+    @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e300])
     @pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")
     def test_what_is_not_finite_is_refused(self, integrator, what, bad):
         sim, state, wrenches = self.start(integrator)

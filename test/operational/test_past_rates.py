@@ -11,48 +11,43 @@ PERIOD_NS = 1_000_000
 CLOSED, OPEN = (True,), (False,)
 
 
-def filled(numbers, periods=3):
-    """Return what remembers the rates k at k periods."""
+def filled(numbers, periods=3, later=()):
+    """Return what remembers the rates k at k periods, and later ones (time, rates, closures)."""
     past = PastRates(periods, PERIOD_NS, 2)
-    for number in numbers:
-        past.add(number * PERIOD_NS, np.full(2, float(number)), CLOSED)
+    for time, rate, closures in (*((k, k, CLOSED) for k in numbers), *later):
+        past.add(time * PERIOD_NS, np.full(2, float(rate)), closures)
     return past
 
 
-def test_they_are_those_of_as_many_periods_ago():
-    past = filled(range(10))
-    assert past.before(10 * PERIOD_NS, CLOSED) == pytest.approx([3e-3, 7.0, 7.0])
+NOTHING = [0.0, 0.0, 0.0]
+TEN, OPENED = filled(range(10)), filled(range(7), later=[(7, 0, OPEN), (8, 1, CLOSED)])
+# What is remembered, what is asked at which time (in periods) and of which closures; what is told.
+TOLD = {
+    "as many periods ago": (TEN, 10.0, CLOSED, [3e-3, 7.0, 7.0]),
     # Stamps of a real machine are not even: a quarter of a period may be missing.
-    assert past.before(10 * PERIOD_NS - 200_000, CLOSED) == pytest.approx([2.8e-3, 7.0, 7.0])
-    assert past.before(10 * PERIOD_NS - 300_000, CLOSED) == pytest.approx([3.7e-3, 6.0, 6.0])
-
-
-def test_a_missing_state_is_replaced_by_the_one_before_it_if_that_is_near_enough():
-    past = filled([0, 1, 5, 6, 8, 9])
-    assert past.before(10 * PERIOD_NS, CLOSED) == pytest.approx([4e-3, 6.0, 6.0])
-    assert not filled([0, 1, 8, 9]).before(10 * PERIOD_NS, CLOSED).any()
-
-
-def test_of_other_closures_of_later_times_and_of_none_nothing_is_told():
-    assert not PastRates(3, PERIOD_NS, 2).before(0, CLOSED).any()
-    past = filled(range(10))
-    assert not past.before(10 * PERIOD_NS, OPEN).any()
+    "a little early": (TEN, 9.8, CLOSED, [2.8e-3, 7.0, 7.0]),
+    "too early": (TEN, 9.7, CLOSED, [3.7e-3, 6.0, 6.0]),
+    "the one before a missing one": (filled([0, 1, 5, 6, 8, 9]), 10.0, CLOSED, [4e-3, 6.0, 6.0]),
+    "too many are missing": (filled([0, 1, 8, 9]), 10.0, CLOSED, NOTHING),
+    "none yet": (filled([]), 0.0, CLOSED, NOTHING),
+    "other closures": (TEN, 10.0, OPEN, NOTHING),
     # A mechanism that starts anew begins its time anew.
-    past.add(2 * PERIOD_NS, np.zeros(2), CLOSED)
-    assert not past.before(10 * PERIOD_NS, CLOSED).any()
+    "later times": (filled(range(10), later=[(2, 0, CLOSED)]), 10.0, CLOSED, NOTHING),
+    "over a connection none are wanted": (filled(range(10), periods=0), 10.0, CLOSED, NOTHING),
+    "opened and closed meanwhile": (OPENED, 10.0, CLOSED, NOTHING),
+    "since then": (OPENED, 11.0, CLOSED, [3e-3, 1.0, 1.0]),
+}
+
+
+@pytest.mark.parametrize(("past", "now", "closures", "told"), TOLD.values(), ids=TOLD)
+def test_rates_are_those_of_as_many_periods_ago(past, now, closures, told):
+    assert past.before(round(now * PERIOD_NS), closures) == pytest.approx(told)
+
+
+def test_what_is_forgotten_is_not_told():
     past = filled(range(10))
     past.forget()
     assert not past.before(10 * PERIOD_NS, CLOSED).any()
-    # Over a connection none are wanted.
-    assert not filled(range(10), periods=0).before(10 * PERIOD_NS, CLOSED).any()
-
-
-def test_a_loop_that_opened_and_closed_meanwhile_hides_what_was_before():
-    past = filled(range(7))
-    past.add(7 * PERIOD_NS, np.zeros(2), OPEN)
-    past.add(8 * PERIOD_NS, np.ones(2), CLOSED)
-    assert not past.before(10 * PERIOD_NS, CLOSED).any()
-    assert past.before(11 * PERIOD_NS, CLOSED) == pytest.approx([3e-3, 1.0, 1.0])
 
 
 def test_remembered_rates_are_their_own():

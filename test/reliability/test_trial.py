@@ -8,6 +8,7 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,143 +26,130 @@ ZERO_GOAL = "zero force after, by the device's stamps, worst"
 class Samples:
     """A device's samples of 1 ms each, as if a watcher had seen them."""
 
-    def __init__(self) -> None:
+    def __init__(self, *pushes: tuple[float, ...] | dict[str, float]) -> None:
         self.begun_ns = time.monotonic_ns() - 10_000 * MS
-        self.apart_ns = wall_ahead_ns()
         self.rows: list[tuple[int, int, int, int, float, float]] = []
+        for push in pushes:
+            self.push(**push) if isinstance(push, dict) else self.push(*push)
 
     def at(self, ms: float) -> int:
         return self.begun_ns + round(ms * MS)
 
     def push(
-        self, begin_ms: int, end_ms: int, force: float, topic: int = DEVICE, late_ms: float = 0.2
+        self,
+        begin_ms: int,
+        end_ms: int,
+        force: float,
+        topic: int = DEVICE,
+        late_ms: float = 0.2,
+        torque: float = 0.0,
+        ahead_ms: int = 0,
     ) -> None:
+        """Add samples of a force, N; their clock may be ahead of the watcher's."""
         for ms in range(begin_ms, end_ms):
-            stamp = self.at(ms) + self.apart_ns
-            self.rows.append((topic, self.at(ms + late_ms), stamp, ms, force, 0.0))
+            stamp = self.at(ms) + wall_ahead_ns() + ahead_ms * MS
+            self.rows.append((topic, self.at(ms + late_ms), stamp, ms, force, torque))
 
-    def seen(self, fault: Fault) -> Seen:
-        rows = [row for row in self.rows if row[0] in fault.topics]
+    def seen(self, name: str, begin_ms: float, end_ms: float, **kinds: Any) -> Seen:
+        """Return what is seen of a fault between these times."""
+        fault = Fault(name, 0, self.at(begin_ms), self.at(end_ms), **kinds)
+        rows = sorted((row for row in self.rows if row[0] in fault.topics), key=lambda row: row[1])
         return seen(np.array(rows, SAMPLE), fault)
 
 
-def test_a_device_that_lets_go_and_comes_back() -> None:
-    samples = Samples()
-    samples.push(0, 112, 0.5)
-    samples.push(112, 400, 0.0)
-    samples.push(400, 500, 0.5)
-    found = samples.seen(Fault("kill", 0, samples.at(99.9), samples.at(300)))
-    assert found.zero_s == pytest.approx(0.0121, abs=CLOSE)
-    assert found.heard_s == pytest.approx(0.0123, abs=CLOSE)
-    assert found.back_s == pytest.approx(0.1, abs=CLOSE)
+def push(begin_ms: int, end_ms: int, force: float, **more: Any) -> dict[str, Any]:
+    return {"begin_ms": begin_ms, "end_ms": end_ms, "force": force, **more}
 
 
-def test_force_that_returns_while_the_fault_lasts_is_no_zero() -> None:
-    samples = Samples()
-    samples.push(0, 112, 0.5)
-    samples.push(112, 200, 0.0)
-    samples.push(200, 201, 0.1)
-    samples.push(201, 400, 0.0)
-    found = samples.seen(Fault("double", 0, samples.at(99.9), samples.at(300)))
-    assert found.zero_s == pytest.approx(0.1011, abs=CLOSE)
+HELD, KILLED = (0, 100, 0.5), ("kill", 99.9, 300)
+MINUTES = 600_000
+ASKED = [HELD, (100, 300, 0.0), (0, 150, 0.5, COMMAND), (150, 300, 0.0, COMMAND)]
+AWAY = [(1003, 1100, 0.0), (1100, 1200, 0.5)]
+# Samples, a fault and what else is known of it, and what is seen.
+SEEN: dict[str, tuple[list[Any], tuple[Any, ...], dict[str, Any], dict[str, Any]]] = {
+    "lets go and comes back": (
+        [(0, 112, 0.5), (112, 400, 0.0), (400, 500, 0.5)],
+        *(KILLED, {}, {"zero_s": 0.0121, "heard_s": 0.0123, "back_s": 0.1}),
+    ),
+    "force that returns while the fault lasts is no zero": (
+        [(0, 112, 0.5), (112, 200, 0.0), (200, 201, 0.1), (201, 400, 0.0)],
+        *(("double", 99.9, 300), {}, {"zero_s": 0.1011}),
+    ),
+    "a torque alone is a push": (
+        [HELD, push(150, 151, 0.0, torque=0.1), (151, 152, 0.0)],
+        *(KILLED, {}, {"zero_s": 0.0511}),
+    ),
+    "a force that is no number is a push": (
+        [HELD, (150, 151, math.nan), (151, 152, 0.0)],
+        *(KILLED, {}, {"zero_s": 0.0511}),
+    ),
+    "a torque that is no number is a push": (
+        [HELD, push(150, 151, 0.0, torque=math.nan), (151, 152, 0.0)],
+        *(KILLED, {}, {"zero_s": 0.0511}),
+    ),
+    "never lets go": (
+        *([(0, 500, 0.5)], ("step", 99.9, 99.9), {}),
+        {"zero_s": math.inf, "came_back": False},
+    ),
+    "silent": ([], ("step", 99.9, 99.9), {}, {"zero_s": math.inf}),
+    "stamps of a stepped clock tell the same": (
+        [
+            *(HELD, push(100, 107, 0.5, ahead_ms=-MINUTES)),
+            *(push(107, 200, 0.0, ahead_ms=-MINUTES), push(200, 300, 0.5, ahead_ms=-MINUTES)),
+        ],
+        *(("step", 99.5, 99.5), {"offset_ns": -MINUTES * MS}, {"zero_s": 0.0075}),
+    ),
+    "a sample stamped in another time counts when it arrives": (
+        [HELD, push(130, 131, 0.0, ahead_ms=5_000)],
+        *(("step", 99.9, 99.9), {}, {"zero_s": 0.0303}),
+    ),
+    # One is half sent when it is frozen.
+    "was away, and begins with force": (
+        [HELD, push(100, 101, 0.7, late_ms=850.0), (1000, 1003, 0.5), *AWAY],
+        *(("freeze", 500, 900), {"first_output": True}, {"stale": 3, "zero_s": 0.003}),
+    ),
+    "was away, and begins with zero": (
+        *([HELD, *AWAY], ("freeze", 500, 900), {"first_output": True}),
+        {"stale": 0, "zero_s": 0.0, "back_s": 0.2002, "peak": 0.5},
+    ),
+    "one topic counts": (ASKED, ("double", 99.9, 200), {}, {"zero_s": 0.0001}),
+    "both topics count": (
+        *(ASKED, ("double", 99.9, 200), {"topics": (DEVICE, COMMAND)}, {"zero_s": 0.0501}),
+    ),
+}
 
 
-def test_a_torque_alone_is_a_push_and_so_is_what_is_no_number() -> None:
-    for force, torque in ((0.0, 0.1), (math.nan, 0.0), (0.0, math.nan)):
-        samples = Samples()
-        samples.push(0, 100, 0.5)
-        samples.rows.append(
-            (DEVICE, samples.at(150.2), samples.at(150) + samples.apart_ns, 150, force, torque)
-        )
-        samples.push(151, 152, 0.0)
-        found = samples.seen(Fault("kill", 0, samples.at(99.9), samples.at(300)))
-        assert found.zero_s == pytest.approx(0.0511, abs=CLOSE)
+@pytest.mark.parametrize(("pushes", "fault", "kinds", "expected"), SEEN.values(), ids=SEEN)
+def test_what_a_device_does_is_seen(
+    pushes: list[Any], fault: tuple[Any, ...], kinds: dict[str, Any], expected: dict[str, Any]
+) -> None:
+    found = Samples(*pushes).seen(*fault, **kinds)
+    assert {name: getattr(found, name) for name in expected} == pytest.approx(expected, abs=CLOSE)
 
 
-def test_force_after_a_pause_of_the_devices_process_is_told_apart() -> None:
-    for pause_ms, before_ms, paused in ((1, 0, False), (2, 5, False), (3, 5, True), (8, 0, True)):
-        samples = Samples()
-        samples.push(0, 112, 0.5)
-        samples.push(112, 400, 0.0)
-        samples.push(400, 650, 0.5)
-        samples.push(650 + pause_ms - 1, 650 + pause_ms + before_ms, 0.5)
-        samples.push(650 + pause_ms + before_ms, 660 + pause_ms + before_ms, 0.8)
-        samples.push(660 + pause_ms + before_ms, 900, 0.5)
-        found = samples.seen(Fault("kill", 0, samples.at(99.9), samples.at(300)))
-        assert found.peak == 0.8
-        assert found.pause_s == pytest.approx(1e-3 * pause_ms, abs=CLOSE)
-        trial = Trial(0.0, 0.0, 0.1, found.peak, fault="kill", said="it", pause_s=found.pause_s)
-        assert trial.paused is paused
-        # One that is left out is a figure of its own, and all that are not keep the limit.
-        gentle = replace(trial, peak=0.5, pause_s=0.0)
-        figures = {one.name: one for one in summarised("it", [trial, gentle], 0.5)}
-        largest = figures["it: largest force, of a clean run's"]
-        left_out = figures["it: the same in trials left out"]
-        assert largest.kept is paused
-        assert (largest.value, left_out.value) == ((1.0, 1.6) if paused else (1.6, 0.0))
-        assert (largest.trials, left_out.trials) == ((1, 1) if paused else (2, 0))
-
-
-def test_a_device_that_never_lets_go_or_is_silent_never_was_at_zero() -> None:
-    samples = Samples()
-    samples.push(0, 500, 0.5)
-    fault = Fault("step", 0, samples.at(99.9), samples.at(99.9))
-    assert math.isinf(samples.seen(fault).zero_s)
-    assert not samples.seen(fault).came_back
-    assert math.isinf(Samples().seen(fault).zero_s)
-
-
-def test_stamps_of_a_stepped_clock_tell_the_same() -> None:
-    samples = Samples()
-    samples.push(0, 100, 0.5)
-    samples.apart_ns -= 600_000 * MS
-    samples.push(100, 107, 0.5)
-    samples.push(107, 200, 0.0)
-    samples.push(200, 300, 0.5)
-    fault = Fault("step", 0, samples.at(99.5), samples.at(99.5), offset_ns=-600_000 * MS)
-    assert samples.seen(fault).zero_s == pytest.approx(0.0075, abs=CLOSE)
-
-
-def test_a_sample_stamped_in_another_time_counts_when_it_arrives() -> None:
-    samples = Samples()
-    samples.push(0, 100, 0.5)
-    samples.apart_ns += 5_000 * MS
-    samples.push(130, 131, 0.0)
-    found = samples.seen(Fault("step", 0, samples.at(99.9), samples.at(99.9)))
-    assert found.zero_s == pytest.approx(0.0303, abs=CLOSE)
-
-
-def test_a_device_that_was_away_begins_with_zero_or_not() -> None:
-    samples = Samples()
-    samples.push(0, 100, 0.5)
-    # Half sent when it was frozen.
-    samples.push(100, 101, 0.7, late_ms=850.0)
-    samples.push(1000, 1003, 0.5)
-    samples.push(1003, 1100, 0.0)
-    samples.push(1100, 1200, 0.5)
-    fault = Fault("freeze", 0, samples.at(500), samples.at(900), first_output=True)
-    assert samples.seen(fault).stale == 3
-    assert samples.seen(fault).zero_s == pytest.approx(0.003, abs=CLOSE)
-    samples.rows = [
-        row for row in samples.rows if not 900 < (row[1] - samples.begun_ns) / MS < 1003
-    ]
-    assert samples.seen(fault).stale == 0
-    assert samples.seen(fault).zero_s == 0.0
-    assert samples.seen(fault).back_s == pytest.approx(0.2002, abs=CLOSE)
-    assert samples.seen(fault).peak == 0.5
-
-
-def test_only_the_topics_asked_for_count() -> None:
-    samples = Samples()
-    samples.push(0, 100, 0.5)
-    samples.push(100, 300, 0.0)
-    samples.push(0, 150, 0.5, COMMAND)
-    samples.push(150, 300, 0.0, COMMAND)
-    fault = Fault("double", 0, samples.at(99.9), samples.at(200))
-    assert samples.seen(fault).zero_s == pytest.approx(0.0001, abs=CLOSE)
-    both = Fault("double", 0, samples.at(99.9), samples.at(200), topics=(DEVICE, COMMAND))
-    samples.rows.sort(key=lambda row: row[1])
-    assert samples.seen(both).zero_s == pytest.approx(0.0501, abs=CLOSE)
+@pytest.mark.parametrize(
+    ("pause_ms", "before_ms", "paused"), [(1, 0, False), (2, 5, False), (3, 5, True), (8, 0, True)]
+)
+def test_force_after_a_pause_of_the_devices_process_is_told_apart(
+    pause_ms: int, before_ms: int, paused: bool
+) -> None:
+    peak = 650 + pause_ms + before_ms
+    found = Samples(
+        *((0, 112, 0.5), (112, 400, 0.0), (400, 650, 0.5), (649 + pause_ms, peak, 0.5)),
+        *((peak, peak + 10, 0.8), (peak + 10, 900, 0.5)),
+    ).seen(*KILLED)
+    assert found.peak == 0.8
+    assert found.pause_s == pytest.approx(1e-3 * pause_ms, abs=CLOSE)
+    trial = Trial(0.0, 0.0, 0.1, found.peak, fault="kill", said="it", pause_s=found.pause_s)
+    assert trial.paused is paused
+    # One that is left out is a figure of its own, and all that are not keep the limit.
+    gentle = replace(trial, peak=0.5, pause_s=0.0)
+    figures = {one.name: one for one in summarised("it", [trial, gentle], 0.5)}
+    largest = figures["it: largest force, of a clean run's"]
+    left_out = figures["it: the same in trials left out"]
+    assert largest.kept is paused
+    assert (largest.value, left_out.value) == ((1.0, 1.6) if paused else (1.6, 0.0))
+    assert (largest.trials, left_out.trials) == ((1, 1) if paused else (2, 0))
 
 
 def _kept(trials: Sequence[Trial]) -> dict[str, bool]:
@@ -211,28 +199,36 @@ def test_a_slow_loop_is_judged_by_its_own_periods() -> None:
     assert not _kept([replace(slow, zero_s=0.0801)])[ZERO_GOAL]
 
 
-def test_a_newcomer_counts_from_when_the_node_that_acts_heard_it() -> None:
-    arrived = MS * np.arange(1000)
-    on = np.ones(1000, dtype=bool)
-    # The watcher met it at 500 ms, the device at 590.
-    on[592:] = False
-    assert first_heard(500 * MS, [590 * MS, 650 * MS], arrived, on, 0) == 590 * MS
-    # What was told at 100 ms was about one that had left.
-    assert first_heard(500 * MS, [100 * MS, 590 * MS], arrived, on, 0) == 590 * MS
-    # Told just before the watcher met it; what is told once it has left is no first message.
-    assert first_heard(500 * MS, [495 * MS, 900 * MS], arrived, on, 0) == 500 * MS
-    # Nobody says that there are two: force lasts since the first message.
-    assert first_heard(500 * MS, [], arrived, on, 0) == 500 * MS
-    assert first_heard(500 * MS, [100 * MS], arrived, on, 0) == 500 * MS
+ARRIVED = MS * np.arange(1000)
+# The device met it at 590 ms.
+UNTIL_592 = np.arange(1000) < 592
+TWICE = (ARRIVED < 300 * MS) | ((ARRIVED > 310 * MS) & (ARRIVED < 700 * MS))
+NEVER = np.zeros(1000, dtype=bool)
 
 
-def test_a_newcomer_that_never_speaks_counts_from_when_force_ended() -> None:
-    arrived = MS * np.arange(1000)
-    on = (arrived < 300 * MS) | ((arrived > 310 * MS) & (arrived < 700 * MS))
-    assert first_heard(None, [698 * MS], arrived, on, 0) == 698 * MS
-    # With its last message that has force: the next one is made before it arrives.
-    assert first_heard(None, [], arrived, on, 0) == 699 * MS
-    assert first_heard(None, [], arrived, np.zeros(1000, dtype=bool), 7) == 7
+@pytest.mark.parametrize(
+    ("met", "told", "on", "expected"),
+    [
+        (500, [590, 650], UNTIL_592, 590 * MS),
+        # What was told at 100 ms was about one that had left.
+        (500, [100, 590], UNTIL_592, 590 * MS),
+        # Told just before the watcher met it; what is told once it has left is no first message.
+        (500, [495, 900], UNTIL_592, 500 * MS),
+        # Nobody says that there are two: force lasts since the first message.
+        (500, [], UNTIL_592, 500 * MS),
+        (500, [100], UNTIL_592, 500 * MS),
+        # One that never speaks counts from when force ended.
+        (None, [698], TWICE, 698 * MS),
+        # With its last message that has force: the next one is made before it arrives.
+        (None, [], TWICE, 699 * MS),
+        (None, [], NEVER, 7),
+    ],
+)
+def test_a_newcomer_counts_from_when_the_node_that_acts_heard_it(
+    met: int | None, told: list[int], on: Any, expected: int
+) -> None:
+    met_ns = None if met is None else met * MS
+    assert first_heard(met_ns, [ms * MS for ms in told], ARRIVED, on, 7) == expected
 
 
 def test_a_double_could_speak_until_its_publisher_was_gone_not_until_its_process_was() -> None:

@@ -167,22 +167,25 @@ def test_a_problem_is_named_where_it_is(request, scene, path, value, where, rule
     assert [p.key_path for p in problems_of(document) if rule in p.rule] == [where]
 
 
-@pytest.mark.parametrize("field", ["stiffness", "friction", "effort"])
-def test_elements_of_a_joint_need_one_coordinate(spatial, field):
-    spatial["links"][0]["joint"] = {"name": "joint1", "type": "spherical", field: 1.0}
-    spatial["initial_state"]["q"]["joint1"] = [0.0, 0.0, 0.0, 1.0]
-    (problem,) = problems_of(spatial)
-    assert problem.key_path == f"links[0].joint.{field}"
-    assert "only revolute and prismatic joints" in problem.rule
-
-
-@pytest.mark.parametrize(("kind", "q"), [("free", [0.0] * 6 + [1.0]), ("planar", [0.0, 0, 1, 0])])
-def test_a_rotor_is_geared_to_a_joint_that_turns_or_slides(spatial, kind, q):
-    spatial["links"][0]["joint"] = {"name": "joint1", "type": kind, "armature": 0.1}
+@pytest.mark.parametrize(
+    ("kind", "q", "field", "rule"),
+    [
+        *(
+            ("spherical", [0.0, 0.0, 0.0, 1.0], field, "only revolute and prismatic joints")
+            for field in ("stiffness", "friction", "effort")
+        ),
+        ("free", [0.0] * 6 + [1.0], "armature", "not free ones"),
+        ("planar", [0.0, 0, 1, 0], "armature", "not planar ones"),
+    ],
+)
+def test_what_acts_in_a_joint_needs_one_coordinate_and_a_rotor_one_that_turns_or_slides(
+    spatial, kind, q, field, rule
+):
+    spatial["links"][0]["joint"] = {"name": "joint1", "type": kind, field: 1.0}
     spatial["initial_state"]["q"]["joint1"] = q
     (problem,) = problems_of(spatial)
-    assert problem.key_path == "links[0].joint.armature"
-    assert f"not {kind} ones" in problem.rule
+    assert problem.key_path == f"links[0].joint.{field}"
+    assert rule in problem.rule
 
 
 def test_a_locked_joint_has_a_position_and_no_rate(planar):

@@ -9,16 +9,12 @@ import pytest
 from pydantic import ValidationError
 from ruamel.yaml import YAML
 
-from hapticmech_ros import Simulator, analyse
-from hapticmech_ros.errors import ClosureError, InvalidInputError
+from hapticmech_ros import Simulator
+from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.loading import load_scene, shipped_scenes
 from hapticmech_ros.scene import document_of, scene_from_document
 
 SCENES = sorted(shipped_scenes())
-
-
-def test_the_scenes_of_the_experiment_ship():
-    assert {"five_bar", "four_bar_closing", "two_link", "spatial_arm"} <= set(SCENES)
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -33,9 +29,8 @@ def test_round_trip_through_plain_data_json_and_yaml(name, tmp_path):
     assert load_scene(path) == scene
 
 
-@pytest.mark.parametrize("name", SCENES)
-def test_scenes_are_frozen(name):
-    scene = load_scene(name)
+def test_scenes_are_frozen():
+    scene = load_scene("five_bar")
     with pytest.raises(ValidationError, match="frozen"):
         scene.name = "other"
     with pytest.raises(ValidationError, match="frozen"):
@@ -50,41 +45,6 @@ def test_scenes_start_closed_and_describe_themselves(name):
     assert scene.description
     # Assembly promises 1e-12 m.
     assert Simulator(scene).initial_state().closure_error <= 1e-12
-
-
-# Rank of X and joint constraints at the start, from the counting rules of the paper: a planar
-# point on link n of an open chain has rank min(n, 3), seven generic joints in space have rank 6.
-# What has one freedom has rank 1; a platform on six legs and a payload in two arms have all; a
-# rope that hangs takes one of three.
-@pytest.mark.parametrize(
-    ("name", "rank", "constraints"),
-    [
-        ("five_bar", 2, 1),
-        ("four_bar_closing", 2, 1),
-        ("two_link", 2, 1),
-        ("spatial_arm", 6, 0),
-        ("door", 1, 5),
-        ("slider_crank_engine", 1, 2),
-        ("scissor_lift", 1, 2),
-        ("stewart_platform", 6, 0),
-        ("bricard", 1, 5),
-        ("shared_payload", 6, 0),
-        ("two_users", 2, 1),
-        ("crane", 2, 1),
-        ("peg_in_hole", 3, 0),
-        ("ur5e", 6, 0),
-    ],
-)
-def test_rank_at_the_start(name, rank, constraints):
-    simulator = Simulator(load_scene(name))
-    found = analyse(simulator.mechanism, simulator.initial_state().q)
-    assert found.rank == rank
-    assert found.constraint_wrenches.shape == (6, constraints)
-
-
-def test_aliases_of_one_mapping_give_equal_parts():
-    scene = load_scene("five_bar")
-    assert scene.links[0].inertial == scene.links[2].inertial
 
 
 def test_defaults_are_written_out():
@@ -104,16 +64,6 @@ def test_an_unknown_operational_point_lists_those_there_are():
         load_scene("five_bar").operational_point("tip")
     assert caught.value.value == "tip"
     assert caught.value.rule == "must be one of handle"
-
-
-def test_a_loop_out_of_reach_cannot_close(planar):
-    # Reach of the chain is 0.045 * 3 + 0.06 = 0.195 m.
-    planar["closures"][0]["b"]["origin"]["xyz"] = [0.25, 0.0, 0.0]
-    with pytest.raises(ClosureError) as caught:
-        Simulator(scene_from_document(planar)).initial_state()
-    assert caught.value.closures == ("ground_pin",)
-    # Stretched towards the pin it is 0.055 m short; the search may stop anywhere beyond.
-    assert 0.055 - 1e-9 <= caught.value.residual < 1.0
 
 
 def test_numbers_may_be_written_without_a_point(planar):

@@ -12,11 +12,9 @@ from hapticmech_ros.view.shapes import (
     axes,
     capsule,
     double_arrow,
-    numbered,
     ring,
     rotation_to,
     sphere,
-    vanished,
 )
 from oracles.generator import unit
 
@@ -95,12 +93,3 @@ def test_axes_begin_at_the_origin_and_are_x_y_z():
         half = 0.5 * shape.size[2] * shape.pose.rotation[:, 2]
         assert shape.pose.translation - half == pytest.approx(pose.translation, abs=1e-14)
         assert 2.0 * half == pytest.approx(0.3 * pose.rotation[:, index], abs=1e-14)
-
-
-def test_what_is_no_more_vanishes_and_nothing_else():
-    ball = sphere(np.zeros(3), 0.1, GREY)
-    before = [*numbered("a", [ball, ball, ball]), *numbered("b", [ball], first=7)]
-    now = [*numbered("a", [ball]), *numbered("c", [ball])]
-    assert vanished([s.key for s in before], now) == [("a", 1), ("a", 2), ("b", 7)]
-    assert vanished([s.key for s in before], before) == []
-    assert vanished([], now) == []

@@ -8,11 +8,8 @@ import pytest
 
 from hapticmech_ros.control import DeviceMeasurement, OperationalModel, PointMeasurement
 from hapticmech_ros.control.measurements import (
-    device_of,
     flat_device,
     flat_operational_model,
-    model_of,
-    point_of,
 )
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.document import Limits
@@ -92,17 +89,6 @@ def test_the_message_may_be_overwritten_afterwards(kind):
     _, control = part(kind, data)
     data[:] = 0.0
     assert (control == expected).all()
-
-
-def test_objects_hold_the_same_numbers():
-    data, expected = sample("device")
-    again = flat_device(device_of(read(DeviceStateMessage, data).sample.values))
-    # A quaternion becomes a matrix and a quaternion again.
-    assert np.abs(again - expected).max() < 1e-15
-    data, expected = sample("operational_model")
-    found = read(OperationalModelMessage, data).operational_model.values
-    again = flat_operational_model(model_of(found), point_of(found))
-    assert np.abs(again[6:] - expected[6:]).max() < 1e-15
 
 
 @pytest.mark.parametrize("kind", KINDS)
