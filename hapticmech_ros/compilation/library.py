@@ -123,7 +123,7 @@ def library() -> Library:
 
 
 def compile_ahead() -> None:
-    """Compile all kernels, unless that was done before; takes most of a minute.
+    """Compile all kernels, unless that was done before; takes a minute or more.
 
     Nodes that start together would otherwise wait for each other.
 
@@ -262,7 +262,7 @@ def _kill_group(leader: int) -> None:
 def _followed(lines: Iterable[str]) -> str:
     """Show a build's progress, from its lines "3 of 18"; return the last other line."""
     last, shown_at = "", time.monotonic()
-    warn("compiling kernels, once: most of a minute")
+    warn("compiling kernels, once: a minute or more")
     for line in lines:
         done, of, total = line.strip().partition(" of ")
         if not (of and done.isdigit() and total.isdigit()):
