@@ -105,6 +105,8 @@ def inspect_bag(path: str | os.PathLike[str]) -> BagInfo:
         BagError: no such bag, damaged, or without metadata.
     """
     folder = Path(path)
+    if not exists(folder):
+        raise BagError(f"no bag at {folder}")
     information = read_metadata(folder) if folder.is_dir() else {}
     finished = not is_unfinished(information)
     if finished:

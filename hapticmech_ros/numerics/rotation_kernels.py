@@ -97,6 +97,12 @@ def log3(matrix: Array, out: Array) -> None:
     z0, z1, z2 = x1 * y2 - x2 * y1, x2 * y0 - x0 * y2, x0 * y1 - x1 * y0
     x0, x1, x2 = y1 * z2 - y2 * z1, y2 * z0 - y0 * z2, y0 * z1 - y1 * z0
     x, y, z, w = _quaternion(x0, y0, z0, x1, y1, z1, x2, y2, z2)
+    log_quaternion(x, y, z, w, out)
+
+
+@inner
+def log_quaternion(x: float, y: float, z: float, w: float, out: Array) -> None:
+    """Fill ``out`` with the rotation vector of a unit quaternion, rad; of the two the shorter."""
     if w < 0.0:
         x, y, z, w = -x, -y, -z, -w
     sine = np.sqrt(x * x + y * y + z * z)

@@ -21,7 +21,7 @@ from hapticmech_ros.mechanism.kernels.tree_kernels import (
     SPHERICAL,
 )
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.rotation_kernels import angular_rate, rotation_of
+from hapticmech_ros.numerics.rotation_kernels import angular_rate, log_quaternion, rotation_of
 
 # Below this angle, rad, six terms of Bernoulli's series are exact to rounding, above it the closed
 # form is.
@@ -95,10 +95,11 @@ def coordinates_of(model: Model, q: Array, theta: Array) -> None:
             theta[first], theta[first + 1] = kept * x + half * y, kept * y - half * x
             theta[first + 2] = 2.0 * half
         elif kind == SPHERICAL:
-            _log_quaternion(q[at : at + 4], theta[first : first + 3])
+            x, y, z, w = q[at], q[at + 1], q[at + 2], q[at + 3]
+            log_quaternion(x, y, z, w, theta[first : first + 3])
         else:
             turn = theta[first + 3 : first + 6]
-            _log_quaternion(q[at + 3 : at + 7], turn)
+            log_quaternion(q[at + 3], q[at + 4], q[at + 5], q[at + 6], turn)
             a, b, c = turn[0], turn[1], turn[2]
             x, y, z = q[at], q[at + 1], q[at + 2]
             u, v, w = b * z - c * y, c * x - a * z, a * y - b * x
@@ -116,18 +117,6 @@ def coordinates_of(model: Model, q: Array, theta: Array) -> None:
 def _half_cotangent(half: float) -> float:
     """Return x cot x."""
     return half / math.tan(half) if half != 0.0 else 1.0
-
-
-@inner
-def _log_quaternion(quaternion: Array, turn: Array) -> None:
-    """Fill ``turn`` (3,) with a rotation vector, rad; of the two with the smaller angle."""
-    x, y, z, w = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
-    sine = math.sqrt(x * x + y * y + z * z)
-    if sine == 0.0:
-        turn[:] = 0.0
-        return
-    ratio = 2.0 * (math.atan2(sine, w) if w >= 0.0 else -math.atan2(sine, -w)) / sine
-    turn[0], turn[1], turn[2] = ratio * x, ratio * y, ratio * z
 
 
 @inner
