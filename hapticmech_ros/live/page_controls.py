@@ -40,7 +40,7 @@ from hapticmech_ros.live.commands import (
     Tune,
     UserState,
 )
-from hapticmech_ros.live.grip import SOFTEST, STIFFEST
+from hapticmech_ros.live.grip import DRAG_TIMEOUT_S, SOFTEST, STIFFEST
 from hapticmech_ros.live.live_picture import (
     AROUND,
     AROUND_LARGE,
@@ -125,9 +125,13 @@ _WORDS = {
 }
 _HELP = (
     "A ring is a torque, or a rotation, about its axis.",
+    f"Your pull ends when you release the button, or when this page is silent for "
+    f"{DRAG_TIMEOUT_S:g} s.",
     "Λ<sub>h</sub><sup>-1</sup>, the inverse inertia of the mechanism at the point that you hold, "
     "is the acceleration of that point by a unit force, for each direction. It is 0 in directions "
-    "that joints or loops block, which you feel as stiff springs: the joint constraints.",
+    "that joints or loops block, which you feel as stiff springs: the joint constraints. "
+    "Responses are square roots of that acceleration relative to the link alone, the freest "
+    "direction first.",
     "Mouse: drag elsewhere to turn the view, with the right button to move it; the wheel zooms. "
     "Keys: arrows turn the view, W, A, S, D, Q and E move it. On a touch screen one finger drags "
     "or turns the view, and two move it.",
