@@ -46,7 +46,7 @@ from hapticmech_ros.view.shapes import MASS, LinkShape, mass_ellipsoid, rotation
 Body = Literal["sphere", "cylinder", "box", "cone"]
 BODIES: tuple[Body, ...] = ("sphere", "cylinder", "box", "cone")
 # Corners around the axis of round bodies, and of those that are seen large, such as the ellipsoid.
-AROUND, AROUND_LARGE = 20, 48
+AROUND, AROUND_LARGE = 16, 32
 # Places are added in such steps: one more arrow seldom needs a new set.
 _STEP = 4
 # Size of undrawn instances, m: with 0 their transform would be singular.
@@ -519,6 +519,17 @@ class Ground(NamedTuple):
     side: float
     cell: float
     words: str
+
+    @property
+    def lines(self) -> tuple[Array, Array]:
+        """Ends (n, 2, 3), m, of its lines, and which (n,) are a fifth one from the origin's."""
+        half, found = round(0.5 * self.side / self.cell), []
+        for along, across in ((0, 1), (1, 0)):
+            ends = np.tile(self.centre, (2 * half + 1, 2, 1))
+            ends[:, :, along] += (-0.5 * self.side, 0.5 * self.side)
+            ends[:, :, across] += self.cell * np.arange(-half, half + 1)[:, None]
+            found.append((ends, np.round(ends[:, 0, across] / self.cell) % 5 == 0))
+        return np.concatenate([one[0] for one in found]), np.concatenate([one[1] for one in found])
 
 
 def ground_below(shapes: Sequence[Shape], planar: bool) -> Ground:

@@ -80,7 +80,8 @@ class LivePage:
         server.scene.configure_default_lights(enabled=False)
         server.scene.add_light_ambient("/ambient", intensity=0.7)
         server.scene.add_light_directional("/light", position=(0.5, 0.4, 1.0), intensity=1.4)
-        server.scene.set_background_image(np.full((1, 1, 3), BACKGROUND, np.uint8), "png")
+        # By the browser: an image of viser's takes time at every pixel of every picture.
+        server.gui.add_html(f"<style>canvas[data-engine] {{ background: rgb{BACKGROUND} }}</style>")
         server.initial_camera.fov = FIELD_OF_VIEW
         self._mice = Mice(backend.send)
         # Text for each browser alone: its name, and why its drag was refused.
