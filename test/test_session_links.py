@@ -15,12 +15,12 @@ PUSH = np.array([0.3, -0.2, 0.0, 0.0, 0.0, 0.01])
 
 
 @pytest.mark.parametrize("name", shipped_scenes())
-def test_a_wrench_of_nothing_on_a_link_changes_no_bit(name):
+def test_a_wrench_of_nothing_on_a_link_changes_no_bit_beside_a_push(name):
     scene = load_scene(name)
     plain, pushed = Session(scene), Session(scene)
     link = scene.links[-1].name
     for _ in range(20):
-        one, other = plain.tick(), pushed.tick(on_links={link: np.zeros(6)})
+        one, other = plain.tick(PUSH), pushed.tick(PUSH, on_links={link: np.zeros(6)})
     assert (one.mechanism.q == other.mechanism.q).all()
     assert (one.device.flat == other.device.flat).all()
     assert (one.wrenches == other.wrenches).all()
