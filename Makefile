@@ -9,6 +9,7 @@
 #   make campaign   every fault against the graph, for hours, into reliability/; QUICK=1: minutes
 #   make small-machine   the demo on two CPUs: alone, busy, with a quota; ten times, QUICK=1: once
 #   make docs    the documentation as a site, into site/
+#   make wheel   a wheel with compiled kernels, into dist/: machines that install it compile nothing
 #   make clean   remove everything that was made here, .venv too
 #
 # Another interpreter: make test PYTHON=python3.12
@@ -55,7 +56,7 @@ SOURCES := package.xml $(shell find $(PACKAGE) config launch resource \
 
 .PHONY: help
 help:
-	@sed -n '3,13s/^# *//p' Makefile
+	@sed -n '3,14s/^# *//p' Makefile
 
 .PHONY: live
 live: .venv/package
@@ -103,6 +104,16 @@ docs: .venv/docs-requirements .venv/package
 	rm -rf docs/api
 	$(BIN)/python -m sphinx -W --keep-going -q . site
 	@echo 'Open site/index.html in a browser: file://$(CURDIR)/site/index.html'
+
+# Machine code for x86-64 processors since 2015, and for this version of Python.
+COMPILED := $(PACKAGE)/compilation/x86-64-v3.zip
+.PHONY: wheel
+wheel: .venv/requirements
+	trap 'rm -rf build $(COMPILED)' EXIT; set -e; \
+	$(BIN)/python -m $(PACKAGE).compilation.builder x86-64-v3 $(COMPILED) $$$$; \
+	tag=$$($(BIN)/python -c 'import sys; print("cp%d%d" % sys.version_info[:2])'); \
+	$(PIP) wheel --quiet --no-deps --no-build-isolation --wheel-dir dist . \
+	  --config-settings=--build-option="--plat-name=manylinux_2_17_x86_64 --python-tag=$$tag"
 
 .PHONY: clean
 clean:

@@ -65,7 +65,8 @@ setup(
     license=stated("license"),
     python_requires=">=3.10",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={PACKAGE: ["py.typed"]},
+    # Of `make wheel`: compiled kernels.
+    package_data={PACKAGE: ["py.typed", "compilation/*.zip"]},
     zip_safe=False,
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),

@@ -31,6 +31,7 @@ from pathlib import Path
 from typing import Any
 
 from hapticmech_ros.compilation import decorators
+from hapticmech_ros.compilation.cache import IDENTITY
 from hapticmech_ros.compilation.decorators import Kernel
 from hapticmech_ros.compilation.records import Record
 from hapticmech_ros.compilation.structures import Structure, kinds_of
@@ -130,6 +131,7 @@ def packed(objects: dict[str, bytes]) -> bytes:
     """Return objects by name as one file."""
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w") as archive:
+        archive.comment = IDENTITY
         for name in sorted(objects):
             # Of no time: the same kernels make the same file.
             archive.writestr(zipfile.ZipInfo(name), objects[name])

@@ -85,7 +85,7 @@ def folder() -> Path:
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     cache = os.environ.get("XDG_CACHE_HOME") or (None if chosen else home() / ".cache")
     root = Path(chosen) if chosen else Path(str(cache)) / "hapticmech_ros"
-    return root / f"kernels-{_FINGERPRINT}"
+    return root / f"kernels-{FINGERPRINT}"
 
 
 def _fingerprint() -> str:
@@ -93,7 +93,10 @@ def _fingerprint() -> str:
     return hashlib.sha256(contents).hexdigest()[:16]
 
 
-_FINGERPRINT = _fingerprint()
+FINGERPRINT = _fingerprint()
+TAG = sys.implementation.cache_tag or "python"
+# In a library: of which kernels it is, and for which Python.
+IDENTITY = f"{FINGERPRINT} {TAG}".encode()
 
 
 def warn(sentence: str) -> None:

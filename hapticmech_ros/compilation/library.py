@@ -30,7 +30,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.compilation.cache import folder, is_own, put_in_place, read_own, warn
+from hapticmech_ros.compilation.cache import (
+    IDENTITY,
+    TAG,
+    folder,
+    is_own,
+    put_in_place,
+    read_own,
+    warn,
+)
 from hapticmech_ros.compilation.records import Record
 from hapticmech_ros.compilation.structures import Structure
 from hapticmech_ros.errors import HapticMechError
@@ -38,6 +46,8 @@ from hapticmech_ros.errors import HapticMechError
 NAME = "hapticmech_kernels"
 # A slow machine, or one that is busy, takes minutes.
 COMPILE_TIMEOUT_S, PROGRESS_S = 600.0, 5.0
+# Shares of a build's steps, and of its time until then, as measured on two processors.
+_STEPS, _TIME = (0.0, 0.01, 0.2, 0.35, 0.5, 0.6, 1.0), (0.2, 0.24, 0.36, 0.6, 0.84, 0.95, 1.0)
 # Where NumPy's C interface has the start of an array's data, and of its shape (PyArrayObject).
 DATA_AT, SHAPE_AT = 16, 32
 BUILDER = "hapticmech_ros.compilation.builder"
@@ -46,6 +56,9 @@ SLOTS_AT = 16
 # How the name of a file begins that is being built.
 _MADE = "being-built-"
 _PACKAGE = Path(__file__).parent.parent
+# Machine code that `make wheel` puts into the package, and what it needs of a processor.
+SHIPPED = Path(__file__).with_name("x86-64-v3.zip")
+_OF_X86_64_V3 = ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
 _SCALARS: dict[str, Any] = {
     "void": None,
     "boolean": ctypes.c_bool,
@@ -135,12 +148,13 @@ def compile_ahead() -> None:
 
 def library_path() -> Path:
     """Return where the library is for this Python and processor, whether built or not."""
-    tag = sys.implementation.cache_tag or "python"
-    return folder() / f"{NAME}-{_processor()[1]}-{tag}.zip"
+    return folder() / f"{NAME}-{_processor()[1]}-{TAG}.zip"
 
 
 def _objects() -> Mapping[str, bytes]:
     """Return the library's objects by name, built now if need be."""
+    if shipped := _shipped():
+        return shipped
     try:
         path = library_path()
         if is_own(path.parent):
@@ -149,6 +163,26 @@ def _objects() -> Mapping[str, bytes]:
         # No folder that can be written, or a disk that is full.
         warn(f"kernels are compiled for this process alone: {error}")
     return _unpacked(_made())
+
+
+def _shipped() -> Mapping[str, bytes]:
+    """Return the objects of the library in this installation, if it has one that fits; else none.
+
+    Raises:
+        LibraryError: it is damaged.
+    """
+    if not SHIPPED.exists():
+        return {}
+    # Imported here: many commands need no kernel.
+    import llvmlite.binding as llvm
+
+    features = llvm.get_host_cpu_features()
+    if not all(features.get(name) for name in _OF_X86_64_V3):
+        return {}
+    try:
+        return _unpacked(SHIPPED.read_bytes(), IDENTITY)
+    except LibraryError as error:
+        raise LibraryError(f"{SHIPPED}: {error}: install the package again") from None
 
 
 def _read(path: Path, warns: bool = False) -> Mapping[str, bytes]:
@@ -163,15 +197,16 @@ def _read(path: Path, warns: bool = False) -> Mapping[str, bytes]:
         return {}
 
 
-def _unpacked(content: bytes) -> Mapping[str, bytes]:
-    """Return a library's objects by name.
+def _unpacked(content: bytes, identity: bytes = b"") -> Mapping[str, bytes]:
+    """Return a library's objects by name; none of a library that lacks a wanted identity.
 
     Raises:
         LibraryError: it is none.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            return {name: archive.read(name) for name in archive.namelist()}
+            fits = identity in (b"", archive.comment)
+            return {name: archive.read(name) for name in archive.namelist() if fits}
     except zipfile.BadZipFile as error:
         raise LibraryError(f"this is no library of kernels: {error}") from None
 
@@ -260,16 +295,17 @@ def _kill_group(leader: int) -> None:
 
 
 def _followed(lines: Iterable[str]) -> str:
-    """Show a build's progress, from its lines "3 of 18"; return the last other line."""
-    last, shown_at = "", time.monotonic()
+    """Show the time left of a build, from its lines "3 of 18"; return the last other line."""
+    last, begun = "", time.monotonic()
+    shown_at = begun
     warn("compiling kernels, once: a minute or more")
     for line in lines:
         done, of, total = line.strip().partition(" of ")
         if not (of and done.isdigit() and total.isdigit()):
             last = line.strip() or last
-        elif time.monotonic() - shown_at > PROGRESS_S or done == total:
-            shown_at = time.monotonic()
-            warn(f"compiling kernels: {done} of {total}")
+        elif (now := time.monotonic()) - shown_at > PROGRESS_S:
+            shown_at, share = now, np.interp(int(done) / int(total), _STEPS, _TIME)
+            warn(f"compiling kernels: about {(now - begun) * (1.0 / share - 1.0):.0f} s left")
     return last
 
 

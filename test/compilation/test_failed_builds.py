@@ -113,13 +113,18 @@ def test_the_builder_ends_with_who_asked_for_the_library(tmp_path):
         wait_for(lambda: gone(builder))
 
 
-def test_how_far_a_build_is_can_be_seen(builder, alone, monkeypatch, capfd):
-    monkeypatch.setattr(library, "PROGRESS_S", 0.0)
-    builder("print('1 of 2'); print('2 of 2'); open(sys.argv[2], 'wb').write(b'made')")
-    assert library._made() == b"made"
+def test_the_time_left_of_a_build_is_shown(alone, monkeypatch, capfd):
+    times = iter([100.0, 124.0, 126.0, 184.0, 200.0])
+    monkeypatch.setattr(library.time, "monotonic", lambda: next(times))
+    # After 24, 26, 84 and 100 s; the second follows the first too closely.
+    assert library._followed(["1 of 100", "2 of 100", "50 of 100", "100 of 100"]) == ""
     told = capfd.readouterr().err.splitlines()
-    assert [line.rpartition(": ")[2] for line in told[1:]] == ["1 of 2", "2 of 2"]
     assert "once" in told[0]
+    assert [line.rpartition("about ")[2] for line in told[1:]] == [
+        "76 s left",
+        "16 s left",
+        "0 s left",
+    ]
 
 
 def test_what_is_no_library_cannot_be_loaded(alone, builds, monkeypatch):

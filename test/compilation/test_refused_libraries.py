@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.compilation import library
-from hapticmech_ros.compilation.cache import put_in_place, read_own
+from hapticmech_ros.compilation.cache import IDENTITY, put_in_place, read_own
+from hapticmech_ros.compilation.library import LibraryError
 
 
 def half(path):
@@ -97,6 +98,48 @@ def test_a_library_that_is_not_as_it_was_written_is_built_anew(name, place, buil
     assert loaded_well()
     assert sentences(capfd) == []
     assert len(builds) == 1
+
+
+@pytest.fixture
+def shipped(good, monkeypatch, tmp_path):
+    """Return where the library is that came with the package: the good one."""
+    path = tmp_path / "shipped.zip"
+    path.write_bytes(read_own(good))
+    monkeypatch.setattr(library, "SHIPPED", path)
+    return path
+
+
+def test_the_library_of_the_package_is_loaded_and_nothing_built_or_kept(
+    shipped, alone, builds, capfd
+):
+    assert loaded_well()
+    assert capfd.readouterr().err == ""
+    assert builds == []
+    assert list(alone.iterdir()) == [shipped]
+
+
+def other_identity(path):
+    content = path.read_bytes()
+    path.write_bytes(content.replace(IDENTITY, IDENTITY[::-1]))
+
+
+@pytest.mark.parametrize("unfit", ["kernels", "processor"])
+def test_where_the_library_of_the_package_does_not_fit_one_is_built(
+    unfit, shipped, alone, builds, monkeypatch
+):
+    if unfit == "kernels":
+        other_identity(shipped)
+    else:
+        monkeypatch.setattr(library, "_OF_X86_64_V3", ("no such feature",))
+    assert loaded_well()
+    assert len(builds) == 1
+
+
+def test_a_damaged_library_of_the_package_is_refused(shipped, alone, builds):
+    one_bit(shipped)
+    with pytest.raises(LibraryError, match=r"shipped\.zip: .*: install the package again"):
+        library.library()
+    assert builds == []
 
 
 def test_the_library_of_another_user_is_not_loaded(place, builds, foreign, capfd):
