@@ -38,6 +38,7 @@ from hapticmech_ros.live.commands import (
     UserState,
 )
 from hapticmech_ros.live.grip import Dragging
+from hapticmech_ros.live.settings import MOUSE_ALONE
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.mechanism.closures import flat_grasps
 from hapticmech_ros.numerics import Array
@@ -62,7 +63,7 @@ def holding(hand: Hand | None, limit: float) -> str:
         force = 0.0 if hand is None else float(np.linalg.norm(hand.force))
         torque = 0.0 if hand is None else float(np.linalg.norm(hand.torque))
         if force == torque == 0.0:
-            return "nobody but the mouse"
+            return MOUSE_ALONE
         return f"a hand that pushes with {force:.3g} N and {torque:.3g} N m"
     name = "an arm" if hand.kind == "arm" else "a spring"
     moves = any(any(way.xyz) or any(way.rotation) for way in hand.waypoints)

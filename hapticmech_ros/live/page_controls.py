@@ -98,7 +98,7 @@ def you_html(client: int, said: str) -> str:
     """
     problem = f'<br><b id="live-refused">{html.escape(said)}</b>' if said else ""
     you = f'<b id="live-you">{browser(client)}</b>'
-    return f'<div style="{_SMALL}">other windows know you as {you}{problem}</div>'
+    return f'<div style="{_SMALL}">you are {you}, of those that show this page{problem}</div>'
 
 
 def hint_html(points: Sequence[str]) -> str:
@@ -118,20 +118,36 @@ _WORDS = {
     "hand_force": "arrow: force by your hand on the device",
     "device_command": "arrow: force that you feel, by the device on your hand",
     "contact_force": "arrow: force by the surroundings on the mechanism",
-    "point_command": "arrow: force by your hand on the mechanism",
-    "rigid_directions": "double arrow: rigid direction, in which a push moves nothing",
-    "free_directions": "thin double arrow: free direction",
-    MASS: "ellipsoid: mass felt at the point held; long where it is heavy",
+    "point_command": "arrow: force that the controller passes on to the mechanism",
+    "rigid_directions": "double arrow and ring: rigid direction; this force and this torque "
+    "together move nothing",
+    "free_directions": "thin double arrow and ring: free direction",
+    MASS: "ellipsoid: mass felt at the point held; long where it is heavy, cut short where it is "
+    "rigid",
+}
+# Those of one user.
+COLOUR_WORDS = {
+    "device": "yellow",
+    "hand_force": "orange",
+    "device_command": "red",
+    "contact_force": "purple",
+    "point_command": "blue",
+    "rigid_directions": "violet",
+    "free_directions": "teal",
+    MASS: "pale blue",
 }
 _HELP = (
-    "A ring is a torque, or a rotation, about its axis.",
-    f"Your pull ends when you release the button, or when this page is silent for "
+    "An arrow is a force, a ring a torque about its axis. The thick axes in the ball are the "
+    "device's.",
+    f"Your pull ends when you release the button, or when this browser sends nothing for "
     f"{DRAG_TIMEOUT_S:g} s.",
+    "Mass felt is that along each axis of the ellipsoid; <i>rigid</i>: you cannot move the point "
+    "that way.",
     "Λ<sub>h</sub><sup>-1</sup>, the inverse inertia of the mechanism at the point that you hold, "
     "is the acceleration of that point by a unit force, for each direction. It is 0 in directions "
     "that joints or loops block, which you feel as stiff springs: the joint constraints. "
-    "Responses are square roots of that acceleration relative to the link alone, the freest "
-    "direction first.",
+    "Responses are square roots of that acceleration relative to the link alone, rotation "
+    "included, the freest direction first.",
     "Mouse: drag elsewhere to turn the view, with the right button to move it; the wheel zooms. "
     "Keys: arrows turn the view, W, A, S, D, Q and E move it. On a touch screen one finger drags "
     "or turns the view, and two move it.",
@@ -148,8 +164,10 @@ def legend_html(seen: Collection[str], cell: str, hues: Mapping[str, Colour]) ->
     """
     common = palette.LEGEND.keys() - palette.FELT
     rows = [
-        words if hues and meaning not in common else _swatch(palette.MEANING[meaning]) + words
-        for meaning, words in _WORDS.items()
+        text
+        if hues and meaning not in common
+        else f"{_swatch(palette.MEANING[meaning])}{COLOUR_WORDS.get(meaning, '')} {text}"
+        for meaning, text in _WORDS.items()
         if meaning in seen or meaning in _ANYTIME
     ]
     if hues:
@@ -184,7 +202,7 @@ def numbers_html(
         said: refused request; empty for none.
     """
     columns = len(state.users)
-    rows = [_row("scene", [("scene", scene)], columns)]
+    rows = [f"<tr><td>scene</td>{_cell(_bold('scene', scene), columns=columns)}</tr>"]
     if hues:
         cells = "".join(_cell(_swatch(hues[user.point]), user.point) for user in state.users)
         rows.append(f"<tr><td>held at</td>{cells}</tr>")
@@ -192,20 +210,26 @@ def numbers_html(
     for label, name in of_users[0] if of_users else ():
         ids = [f"{name}-{user.point}" if hues else name for user in state.users]
         texts = [one[label, name] for one in of_users]
-        rows.append(_row(label, list(zip(ids, texts, strict=True))))
+        cells = "".join(_cell(_bold(*one)) for one in zip(ids, texts, strict=True))
+        rows.append(f"<tr><td>{label}</td>{cells}</tr>")
     dragged = [drag.body for drag in state.drags]
+    by = ", ".join(browser(holders[one]) for one in dragged if one in holders)
     slow = "" if state.paused or state.factor >= _SLOW else " (slower than real time)"
     rate = "paused" if state.paused else f"{state.factor:.2f} × real time{slow}"
     common = {
         ("speed", "rate"): state.told or rate,
         ("time, s", "time"): f"{state.time:.2f}",
         ("dragged", "dragged"): ", ".join(words(one, bool(hues)) for one in dragged) or "nothing",
-        ("by", "holders"): ", ".join(browser(holders[one]) for one in dragged if one in holders),
         ("changed", "changed"): ", ".join(state.changed),
         ("recording", "recording"): state.recording,
         ("ended" if state.error else "refused", "problem"): state.error or said,
     }
-    rows += [_row(label, [(name, text)], columns) for (label, name), text in common.items() if text]
+    more = {"dragged": f" by {_bold('holders', by)}"} if by else {}
+    rows += [
+        f"<tr><td>{label}</td>{_cell(_bold(name, text) + more.get(name, ''), columns=columns)}</tr>"
+        for (label, name), text in common.items()
+        if text
+    ]
     return f'<table style="margin:0.5em 1em;font-size:0.85em">{"".join(rows)}</table>'
 
 
@@ -216,12 +240,12 @@ def _of_user(user: UserState, frame: LiveFrame, paused: bool) -> dict[tuple[str,
     immovable = f"cannot be dragged: {user.immovable}"
     return {
         ("joint constraints felt", "count"): str(user.count),
-        ("mass felt, kg", "mass"): ", ".join(
+        ("mass felt along the ellipsoid's axes, kg", "mass"): ", ".join(
             _digits(mass) if np.isfinite(mass) else "rigid" for mass in masses
         ),
         (RESPONSE, "s"): ", ".join(map(_digits, s)),
         ("force of the hand, N", "force"): _digits(float(np.linalg.norm(user.hand_wrench[:3]))),
-        ("held by", "holding"): immovable if user.immovable else user.holding + waits,
+        (HELD_BY, "holding"): immovable if user.immovable else user.holding + waits,
     }
 
 
@@ -231,13 +255,8 @@ def _digits(value: float) -> str:
     return np.format_float_positional(round(float(found), 3), trim="-")
 
 
-def _row(label: str, values: Sequence[tuple[str, str]], columns: int = 1) -> str:
-    """Return a row with values by the ids of their elements; one alone spans so many columns."""
-    cells = "".join(
-        _cell(f'<b id="live-{name}">{html.escape(value)}</b>', columns=columns)
-        for name, value in values
-    )
-    return f"<tr><td>{label}</td>{cells}</tr>"
+def _bold(name: str, value: str) -> str:
+    return f'<b id="live-{name}">{html.escape(value)}</b>'
 
 
 def _cell(content: str, text: str = "", columns: int = 1) -> str:
@@ -250,6 +269,7 @@ def _swatch(hue: Colour) -> str:
     return f'<span style="color:{to_hex(hue)}">■</span> '
 
 
+HELD_BY = "device held by"
 # Of the singular values s_i, for people.
 RESPONSE = "response (0: rigid, 1: as the link alone)"
 # How long plots look back, s, and how often a value is kept.
@@ -591,7 +611,9 @@ class Controls:
         frames = [*points, *(link.name for link in scene.links if link.name not in points)]
         self._of_scene = []
         if self._one_period is not None:
-            self._one_period.label = f"one period ({_digits(1e3 * scene.simulation.period)} ms)"
+            self._one_period.label = (
+                f"step one period ({_digits(1e3 * scene.simulation.period)} ms)"
+            )
         if Drag in self._backend.takes:
             self._hint.content = hint_html(opened.users)
         self._closures = {}
@@ -601,7 +623,9 @@ class Controls:
                 self._when(held, partial(Hold, user))
                 self._of_scene.append(held)
             if closures and SwitchClosure in self._backend.takes:
-                folder = gui.add_folder("closed loops", expand_by_default=len(closures) < _FEW)
+                folder = gui.add_folder(
+                    "closed loops (untick to open)", expand_by_default=len(closures) < _FEW
+                )
                 self._of_scene.append(folder)
                 with folder:
                     for name in closures:
@@ -655,6 +679,8 @@ class Controls:
         gui.add_html(QUICK_TIMERS)
         self._hint = gui.add_html("", order=-2.0)
         self._numbers = gui.add_html("")
+        with gui.add_folder("legend and help", expand_by_default=False):
+            self._legend = gui.add_html("")
         self._feel = gui.add_folder("feel")
         self._look = gui.add_folder("look", expand_by_default=False)
         self._tune = gui.add_folder("tune", expand_by_default=False)
@@ -665,22 +691,22 @@ class Controls:
                 paused = gui.add_checkbox("pause", initial_value=False)
                 self._shown.append((paused, lambda state: state.paused))
                 self._when(paused, Pause)
-                self._one_period = gui.add_button("one period")
+                self._one_period = gui.add_button("step one period")
                 self._pressed(self._one_period, Step)
                 self._pressed(gui.add_button("reset"), Reset)
         with self._look:
             self._make_look(save)
         with self._tune:
             if DragStiffness in takes:
-                label = "stiffness of the mouse, times the default"
+                label = "stiffness of the mouse's pull (1: default)"
                 spring = gui.add_slider(label, SOFTEST, STIFFEST, 0.1, 1.0)
                 self._when(spring, DragStiffness)
             if Open in takes:
-                self._next_start = gui.add_folder("at the next start", expand_by_default=False)
+                self._next_start = gui.add_folder("restart with", expand_by_default=False)
                 with self._next_start:
                     label = "delay each way, ms"
                     self._delay = gui.add_slider(label, 0.0, LONGEST_DELAY_MS, 1.0, 0.0)
-                    anew = gui.add_button("start with these")
+                    anew = gui.add_button("restart")
                     self._pressed(anew, lambda: self._opening(self._scene.value))
             if Record in takes:
                 recording = gui.add_checkbox("record a bag (rosbag2)", initial_value=False)
@@ -689,8 +715,6 @@ class Controls:
 
     def _make_look(self, save: Callable[[Any], None]) -> None:
         gui = self._gui
-        with gui.add_folder("legend and help"):
-            self._legend = gui.add_html("")
         with gui.add_folder("show", expand_by_default=False):
             boxes = {
                 name: gui.add_checkbox(name, initial_value=name not in HIDDEN) for name in LAYERS
@@ -739,7 +763,7 @@ class Controls:
         """Make the choices of each device's hand for the next start."""
         chosen = [box.value for box in self._hands]
         self._hands = [
-            self._gui.add_dropdown(f"{prefix}held by", list(HANDS), initial_value=one, order=0.0)
+            self._gui.add_dropdown(f"{prefix}{HELD_BY}", list(HANDS), initial_value=one, order=0.0)
             for prefix, one in zip(prefixes, chain(chosen, repeat(MOUSE_ALONE)))  # noqa: B905
         ]
         return self._hands

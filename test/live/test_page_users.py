@@ -51,7 +51,7 @@ def test_two_people_drag_a_hand_each_and_who_leaves_frees_it(browsers, served, s
     for tab in tabs:
         tab.wait_for_text("live-count-left", "2")
         tab.wait_for_text("live-count-right", "1")
-        tab.wait_for_text("live-holding-right", "nobody but the mouse")
+        tab.wait_for_text("live-holding-right", "the mouse alone")
     names = [wait_until(lambda tab=tab: tab.text("live-you"), "its name") for tab in tabs]
     assert len(set(names)) == 2
 

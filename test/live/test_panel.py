@@ -9,17 +9,19 @@ import re
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 
 from hapticmech_ros.live.commands import COMMANDS, Open
 from hapticmech_ros.live.live_picture import LivePicture
 from hapticmech_ros.live.live_session import LiveSession
 from hapticmech_ros.live.page import LivePage
-from hapticmech_ros.live.page_controls import numbers_html
+from hapticmech_ros.live.page_controls import COLOUR_WORDS, numbers_html
 from hapticmech_ros.live.settings import changes_of
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.operational.results import felt_masses
 from hapticmech_ros.view.drawn import scale_of
 from hapticmech_ros.view.palette import MEANING
+from hapticmech_ros.view.shapes import MASS
 
 pytest.importorskip("viser")
 
@@ -83,15 +85,28 @@ def test_the_first_line_says_what_to_drag(sent):
     assert min(red, green) > 2.0 * blue
 
 
-def test_the_panel_has_three_folders_of_which_the_first_is_open(sent):
+def test_of_the_panels_folders_one_is_open(sent):
     folders = [one for one in sent.of("GuiFolderMessage") if one.container_uuid == "root"]
     found = {one.props.label: one.props.expand_by_default for one in folders}
-    assert found == {"feel": True, "look": False, "tune": False}
+    assert found == {"legend and help": False, "feel": True, "look": False, "tune": False}
+
+
+def test_colours_have_the_names_that_the_legend_gives_them():
+    """Of the legend's colours each is nearest to that of its name: what is pale is seen through."""
+    names = {meaning: name.removeprefix("pale ") for meaning, name in COLOUR_WORDS.items()}
+    assert {meaning for meaning in names if names[meaning] != COLOUR_WORDS[meaning]} == {MASS}
+    for meaning, name in names.items():
+        colour = np.array(MEANING[meaning][:3])
+        far = {one: np.linalg.norm(colour - to_rgb(f"xkcd:{one}")) for one in names.values()}
+        assert min(far, key=far.get) == name
+    assert MEANING[MASS][3] < 0.3
 
 
 def test_a_button_says_how_long_a_period_is(sent):
     labels = [one.props.label for one in sent.of("GuiButtonMessage")]
-    (said,) = [re.fullmatch(r"one period \((.*) ms\)", one) for one in labels if "period" in one]
+    (said,) = [
+        re.fullmatch(r"step one period \((.*) ms\)", one) for one in labels if "period" in one
+    ]
     assert 1e-3 * float(said[1]) == sent.backend.session.session.period
 
 

@@ -178,8 +178,8 @@ def test_numbers_and_histories_are_each_users(live):
 
 
 def test_what_holds_a_device_is_told():
-    assert holding(None, 3.0) == "nobody but the mouse"
-    assert holding(ConstantWrenchHand(kind="constant_wrench"), 3.0) == "nobody but the mouse"
+    assert holding(None, 3.0) == "the mouse alone"
+    assert holding(ConstantWrenchHand(kind="constant_wrench"), 3.0) == "the mouse alone"
     pushing = ConstantWrenchHand(kind="constant_wrench", force=(0.3, 0.4, 0.0))
     assert holding(pushing, 3.0) == "a hand that pushes with 0.5 N and 0 N m"
     still = holding(STILL_HAND, 3.0)
