@@ -264,13 +264,17 @@ def replay(
         Storage, typer.Option("--storage", "-s", metavar="mcap|sqlite3")
     ] = Storage.mcap,
     align: Annotated[
-        Align, typer.Option(help="stamp, start, or nearest, for a session that was recorded live")
+        Align,
+        typer.Option(
+            help="compare messages of the same stamp, or time since the start, or, of a session that "
+            "was recorded live, the nearest"
+        ),
     ] = Align.stamp,
     exact: Annotated[
         bool, typer.Option("--exact", help="exit code 1 if any control topic differs in a bit")
     ] = False,
 ) -> None:
-    """Feed a session's inputs into a graph in lockstep, record its outputs, and compare."""
+    """Run a graph in lockstep on a recording's inputs, record its outputs, and compare."""
     from hapticmech_ros.bag.compare import compare
     from hapticmech_ros.bag.reader import BagReader
     from hapticmech_ros.cli.bag_tables import show_comparison

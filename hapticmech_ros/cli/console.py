@@ -107,7 +107,9 @@ OutOption = Annotated[Path, typer.Option("--out", "-o", help="folder for the res
 ComposedOption = Annotated[bool, typer.Option(help="all four nodes in one process")]
 TransportOption = Annotated[
     Transport,
-    typer.Option(metavar="auto|middleware", help="auto: between processes of this host directly"),
+    typer.Option(
+        metavar="auto|middleware", help="auto: not through ROS 2 between nodes of this host"
+    ),
 ]
 
 

@@ -160,7 +160,7 @@ def run(
         list[str] | None,
         typer.Option(
             help="operational point to hold; several: a device each, in its namespace",
-            show_default="those of the scene's hands, or its first one",
+            show_default="what the scene's hands hold, or its first one",
         ),
     ] = None,
     control_rate: Annotated[
@@ -173,7 +173,7 @@ def run(
     device: Annotated[
         list[str] | None,
         typer.Option(
-            help="driver of the device (docs/drivers.md): simulated, haply or relay. Of several "
+            help="driver of the device (docs/drivers.md): simulated, haply, or relay (of ros2_control). Of several "
             "hands also POINT=haply, any number",
             show_default="simulated",
         ),

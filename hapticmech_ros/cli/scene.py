@@ -35,7 +35,7 @@ def plan(
     ] = False,
     changes: ChangesOption = None,
 ) -> None:
-    """Print the plan compiled from SCENE: its numbers, which methods are used, and why."""
+    """Print how SCENE is computed: its numbers, which methods are used, and why."""
     from hapticmech_ros.cli.scene_tables import show_plan
     from hapticmech_ros.loading import load_scene
     from hapticmech_ros.plan.scene_plan import plan_scene
@@ -157,7 +157,7 @@ def show(
         str,
         typer.Option(
             help="operational point held",
-            show_default="those of the scene's hands, or its first one",
+            show_default="what the scene's hands hold, or its first one",
         ),
     ] = "",
     pixels: Annotated[
