@@ -47,8 +47,9 @@ Body = Literal["sphere", "cylinder", "box", "cone"]
 BODIES: tuple[Body, ...] = ("sphere", "cylinder", "box", "cone")
 # Corners around the axis of round bodies, and of those that are seen large, such as the ellipsoid.
 AROUND, AROUND_LARGE = 16, 32
-# Places are added in such steps: one more arrow seldom needs a new set.
-_STEP = 4
+# Places are added in such steps: one more arrow seldom needs a new set. Spheres are no parts of
+# arrows, and have many corners, which take time even where nothing is drawn.
+_STEP: dict[Body, int] = {"sphere": 1, "cylinder": 4, "box": 4, "cone": 4}
 # Size of undrawn instances, m: with 0 their transform would be singular.
 _NOTHING = 1e-9
 _UPRIGHT = np.array((1.0, 0.0, 0.0, 0.0))
@@ -78,9 +79,14 @@ class InstanceArrays:
 
 
 class Instances:
-    """Instances of one body, frame by frame."""
+    """Instances of one body, frame by frame.
 
-    def __init__(self) -> None:
+    Args:
+        body: that they are of.
+    """
+
+    def __init__(self, body: Body) -> None:
+        self._step = _STEP[body]
         self._places: dict[tuple[str, int, int], int] = {}
         self._free: list[int] = []
         self._size = 0
@@ -93,8 +99,8 @@ class Instances:
         for key in keys:
             if key not in self._places:
                 if not self._free:
-                    self._free = list(range(self._size + _STEP - 1, self._size - 1, -1))
-                    self._size += _STEP
+                    self._free = list(range(self._size + self._step - 1, self._size - 1, -1))
+                    self._size += self._step
                 self._places[key] = self._free.pop()
         n = self._size
         found = InstanceArrays(
@@ -443,7 +449,7 @@ class LivePicture:
         frame, instances = self.draw(state, hidden), {}
         parts = instance_parts(frame.shapes)
         for key in {**self._instances, **parts}:
-            known = self._instances.setdefault(key, Instances())
+            known = self._instances.setdefault(key, Instances(key.body))
             instances[key] = known.arranged(parts.get(key, []))
         return Drawn(self, state, frame, instances, line_segments(frame.shapes))
 

@@ -455,6 +455,10 @@ class SceneNodes:
                 node.remove()
             self._nodes[key] = self._made_instances(key, new)
             return
+        # Nodes without shapes take time, too.
+        seen = any(shape is not None for shape in new.shapes)
+        if node.visible != seen:
+            node.visible = seen
         for name, before, now in (
             ("batched_positions", old.positions, new.positions),
             ("batched_wxyzs", old.quaternions, new.quaternions),

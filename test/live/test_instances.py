@@ -53,7 +53,7 @@ def corners_of(arrays, body, at):
 def test_an_arrow_is_a_shaft_and_a_head_from_tail_to_tip():
     shapes = numbered("force", arrow(TAIL, TIP, 0.01, RED))
     along = (TIP - TAIL) / np.linalg.norm(TIP - TAIL)
-    shaft, head = (drawn(Instances(), shapes, body) for body in ("cylinder", "cone"))
+    shaft, head = (drawn(Instances(body), shapes, body) for body in ("cylinder", "cone"))
     seen = np.vstack((corners_of(shaft, "cylinder", 0), corners_of(head, "cone", 0)))
     reach = (seen - TAIL) @ along
     assert (reach.min(), reach.max()) == pytest.approx((0.0, np.linalg.norm(TIP - TAIL)), abs=1e-6)
@@ -71,17 +71,17 @@ def test_cylinders_boxes_and_ellipsoids_are_where_they_are_said_to_be():
     ]
     along = np.linalg.norm(TIP - TAIL)
     for shape, body in zip(shapes, ("cylinder", "box", "sphere"), strict=True):
-        arrays = drawn(Instances(), shapes, body)
+        arrays = drawn(Instances(body), shapes, body)
         local = (corners_of(arrays, body, 0) - shape.pose.translation) @ shape.pose.rotation
         assert np.ptp(local, axis=0) == pytest.approx(shape.size, rel=1e-5)
         assert arrays.shapes[0] is shape
     assert shapes[0].size[2] == pytest.approx(along)
-    blue = drawn(Instances(), shapes, "box")
+    blue = drawn(Instances("box"), shapes, "box")
     assert (blue.colours[0].tolist(), blue.opacities[0]) == ([0, 0, 255], 0.25)
 
 
 def test_a_shape_keeps_its_place_while_others_come_and_go():
-    known, places = Instances(), {}
+    known, places = Instances("sphere"), {}
     rng = np.random.default_rng(1)
     for _ in range(50):
         numbers = sorted(rng.choice(60, size=rng.integers(1, 50), replace=False).tolist())
