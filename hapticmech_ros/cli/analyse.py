@@ -39,7 +39,7 @@ def analyse(
     namespace: Annotated[str, typer.Option(help="namespace of the graph")] = "",
     out: OutOption = Path("analysis"),
 ) -> None:
-    """Compute Λ_h⁻¹ and the number of joint constraints at every state of a recording: table, plot."""
+    """Compute Λ_h⁻¹ and the number of joint constraints at every recorded state: table, plot."""
     import numpy as np
 
     from hapticmech_ros.experiment.figure_style import save

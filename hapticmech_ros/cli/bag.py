@@ -266,8 +266,8 @@ def replay(
     align: Annotated[
         Align,
         typer.Option(
-            help="compare messages of the same stamp, or time since the start, or, of a session that "
-            "was recorded live, the nearest"
+            help="compare messages of the same stamp, or time since the start, or, for a session "
+            "that was recorded live, the nearest"
         ),
     ] = Align.stamp,
     exact: Annotated[

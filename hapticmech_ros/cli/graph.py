@@ -173,8 +173,8 @@ def run(
     device: Annotated[
         list[str] | None,
         typer.Option(
-            help="driver of the device (docs/drivers.md): simulated, haply, or relay (of ros2_control). Of several "
-            "hands also POINT=haply, any number",
+            help="driver of the device (docs/drivers.md): simulated, haply, or relay (of "
+            "ros2_control). Of several hands also POINT=haply, any number",
             show_default="simulated",
         ),
     ] = None,
