@@ -112,6 +112,26 @@ SEEN: dict[str, tuple[list[Any], tuple[Any, ...], dict[str, Any], dict[str, Any]
         *([HELD, *AWAY], ("freeze", 500, 900), {"first_output": True}),
         {"stale": 0, "zero_s": 0.0, "back_s": 0.2002, "peak": 0.5},
     ),
+    "an output on its way when the fault began is none of it": (
+        [HELD, push(99, 100, 0.9, late_ms=5.0), (100, 112, 0.5), (112, 200, 0.0)],
+        *(KILLED, {}, {"peak": 0.5}),
+    ),
+    "what was on its way until after it let go is no return": (
+        [HELD, push(450, 451, 0.7, late_ms=600.0), *AWAY],
+        *(("freeze", 500, 900), {"first_output": True}, {"back_s": 0.2002}),
+    ),
+    "a push before it let go is no return": (
+        [(0, 107, 0.5), (107, 200, 0.0), (200, 300, 0.5)],
+        *(("step", 99.9, 99.9), {}, {"zero_s": 0.0071, "back_s": 0.1001}),
+    ),
+    "a force that is no number is the largest": (
+        *([HELD, (100, 101, math.nan), (101, 152, 0.0)], KILLED, {}),
+        {"peak": math.inf},
+    ),
+    "a step of the device's clock is no pause": (
+        [HELD, push(100, 150, 0.8, ahead_ms=MINUTES)],
+        *(("step", 49.9, 49.9), {}, {"peak": 0.8, "pause_s": 0.0}),
+    ),
     "one topic counts": (ASKED, ("double", 99.9, 200), {}, {"zero_s": 0.0001}),
     "both topics count": (
         *(ASKED, ("double", 99.9, 200), {"topics": (DEVICE, COMMAND)}, {"zero_s": 0.0501}),
