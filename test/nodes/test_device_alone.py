@@ -141,6 +141,19 @@ def test_a_deactivated_device_lets_go_and_begins_anew_where_it_is():
     assert last_sample(graph).sample.hand_wrench.any()
 
 
+def test_a_push_from_before_it_was_deactivated_is_forgotten():
+    given = {"haptic_device": {"hand": "commanded", "hand_timeout": 0.5}}
+    graph = FakeGraph("five_bar", actors=[HapticDevice], parameters=given)
+    host = graph.hosts["haptic_device"]
+    graph.put("/device/hand_cf", encode_wrench(np.full(6, 1e-3), graph.now_ns))
+    graph.run(2e-3)
+    assert last_sample(graph).sample.hand_wrench.any()
+    host.end()
+    host.begin()
+    graph.run(2e-3)
+    assert not last_sample(graph).sample.hand_wrench.any()
+
+
 def test_limits_slew_ramp_and_workspace_hold_and_are_told(tmp_path):
     limits = {
         "force_limit": 2.0,
