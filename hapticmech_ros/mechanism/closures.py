@@ -150,22 +150,17 @@ def _origin(xyz: Array | list[float], rpy: Array | list[float] | tuple[float, ..
 # Which closures are closed, in the order of the scene.
 Active = tuple[bool, ...]
 
-WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-ROWS: dict[LoopKind, int] = {
-    "spherical": 3,
-    "weld": 6,
-    "revolute": 5,
-    "planar_pin": 2,
-    "rod": 1,
-    "coupling": 1,
-}
-_POINT_ROWS: dict[LoopKind, int] = {
-    "spherical": 3,
-    "weld": 3,
-    "revolute": 3,
-    "planar_pin": 2,
-    "rod": 1,
-    "coupling": 0,
+# Rows of a closure's points: along the world's axes, or the distance.
+_POINT = ("x", "y", "z", "length")
+# Names of each kind's rows, those of points first; then the tilt of b's x and y axis out of the
+# hinge's plane, or turns about the world's axes.
+ROW_NAMES: dict[LoopKind, tuple[str, ...]] = {
+    "spherical": ("x", "y", "z"),
+    "revolute": ("x", "y", "z", "tilt_x", "tilt_y"),
+    "weld": ("x", "y", "z", "turn_x", "turn_y", "turn_z"),
+    "planar_pin": ("x", "y"),
+    "rod": ("length",),
+    "coupling": ("gear",),
 }
 
 
@@ -193,12 +188,12 @@ class LoopClosure:
     @property
     def rows(self) -> int:
         """Number m of scalar constraints."""
-        return ROWS[self.kind]
+        return len(ROW_NAMES[self.kind])
 
     @property
     def point_rows(self) -> int:
         """Number of rows in m, the first ones; the others are of axes, or of angles."""
-        return self.rows if self.linear else _POINT_ROWS[self.kind]
+        return self.rows if self.linear else sum(n in _POINT for n in ROW_NAMES[self.kind])
 
     def row_lengths(self, length: float) -> Array:
         """Return (m,) the unit of each row: ``length`` (m) for points, 1 for axes."""

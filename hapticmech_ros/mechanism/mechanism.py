@@ -20,7 +20,6 @@ import pinocchio as pin
 
 from hapticmech_ros.errors import HapticMechError, InvalidInputError, listed
 from hapticmech_ros.mechanism.closures import (
-    WORLD_AXES,
     Active,
     LoopClosure,
     bind_closure,
@@ -171,7 +170,9 @@ class Mechanism:
         for index, loop in enumerate(self.closures):
             frames = (loop.frame_a, loop.frame_b)
             a, b = (
-                pin.getFrameJacobian(model, data, frame, WORLD_AXES).reshape(6, self.nv)
+                pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED).reshape(
+                    6, self.nv
+                )
                 for frame in frames
             )
             used = np.repeat((loop.point_rows > 0, loop.rows > loop.point_rows), 3)
@@ -285,7 +286,7 @@ class Mechanism:
         """
         joint, placement = self.link_place(link)
         pin.computeJointJacobians(self.model, self.data, q)
-        jacobian = pin.getJointJacobian(self.model, self.data, joint, WORLD_AXES)
+        jacobian = pin.getJointJacobian(self.model, self.data, joint, pin.LOCAL_WORLD_ALIGNED)
         x, y, z = self.data.oMi[joint].rotation @ placement.translation
         jacobian[:3] -= np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))) @ jacobian[3:]
         return np.asarray(jacobian)

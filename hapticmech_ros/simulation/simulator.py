@@ -370,9 +370,10 @@ class Simulator:
         """Return a state as the start of a step, with the terms known there."""
         known = self._evaluated
         terms = known[1] if known is not None and known[0] is state else None
+        closing = self._closing(state) if terms is None else terms.closing
         a = state.account
         earlier = EarlierAccount(a.surplus, a.work_in, a.lost, a.moved)
-        return Start(state.q, state.v, state.active, terms, self._closing(state), earlier)
+        return Start(state.q, state.v, state.active, terms, closing, earlier)
 
     def _ended(
         self, state: MechanismState, stepped: Stepped, steps: int, touched: Touched | None = None
