@@ -49,7 +49,6 @@ from hapticmech_ros.control.measurements import (
     point_ahead,
     predicted_twist,
 )
-from hapticmech_ros.device import NO_WRENCH
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import (
@@ -275,11 +274,6 @@ class ControlArchitecture:
             )
         return self._settings.values
 
-    def carried_at(self, time: float, clutch: Clutch) -> Array:
-        """Return the rest (6,) at ``time`` (s) of a carried wrench, N and N m, world axes."""
-        faded = clutch.faded(time)
-        return NO_WRENCH if faded is None else faded
-
     def tune(self, time: float, gains: Controller, delay: float | None = None) -> None:
         """Interpolate linearly to other gains from ``time`` (s) on, over their ``gain_ramp``.
 
@@ -413,13 +407,11 @@ class ControlArchitecture:
         seen = OperationalModelSample(operational_model)
         if in_flight is not None:
             seen = OperationalModelSample(operational_model.copy())
-            x, free = seen.inverse_inertia, seen.free_acceleration
-            seen.twist[:] = predicted_twist(seen.twist, x, free, seen.contact, in_flight)
+            seen.twist[:] = predicted_twist(seen, in_flight)
             ahead += in_flight.duration
         out = ControlWrenches()
         answer_measurements(settings, DeviceSample(device), seen, time, ahead, out)
-        if clutch.carried is not None:
-            out.on_hand[:] = self.joined(time, clutch, out.on_hand)
+        out.on_hand[:] = self.joined(time, clutch, out.on_hand)
         return out.values.reshape(6, 6)
 
     def joined(self, time: float, clutch: Clutch, wrench: Array) -> Array:
@@ -430,8 +422,9 @@ class ControlArchitecture:
             clutch: that connects the two poses.
             wrench: (6,) of the controllers, N and N m, world axes.
         """
-        faded = clutch.faded(time)
-        return wrench if faded is None else limited(wrench + faded, *self.limits)
+        if clutch.carried is None:
+            return wrench
+        return limited(wrench + clutch.faded(time), *self.limits)
 
 
 def device_inertia(device: Device) -> Array:
