@@ -221,7 +221,7 @@ class ControlArchitecture:
         self._settings = ControllerSettings()
         self._settings.fill(
             task=self.task,
-            inertia=np.diag(self.device_inertia),
+            inertia=scene.device.inertias,
             force_limit=self.limits[0],
             torque_limit=self.limits[1],
         )
@@ -429,7 +429,7 @@ class ControlArchitecture:
 
 def device_inertia(device: Device) -> Array:
     """Return Λ_d (6, 6), kg and kg m², of a device with isotropic mass and inertia."""
-    return np.diag([device.mass] * 3 + [device.inertia] * 3)
+    return np.diag(device.inertias)
 
 
 def _start_ramp(gains: Controller, momentum: float) -> float:
