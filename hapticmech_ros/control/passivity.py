@@ -179,7 +179,9 @@ def passivity_for(scene: Scene) -> PassivityController:
     bandwidth = 2.0 * math.pi * device.actuator_bandwidth
     lag = 1.0 / bandwidth if bandwidth > 0.0 else 0.0
     filtered = device.position_resolution > 0.0 or device.angle_resolution > 0.0
-    return PassivityController(bounds, np.array(device.inertias), period, limits, acts, filtered, lag)
+    return PassivityController(
+        bounds, np.array(device.inertias), period, limits, acts, filtered, lag
+    )
 
 
 class DeviceSide:
