@@ -487,7 +487,8 @@ class _Loop:
         mechanism = self._mechanism
         point, speed = mechanism.pose @ x, mechanism.twist @ x
         hand, contact = task * hand, task * contact
-        forces = channels.force.hand * hand + channels.force.mechanism_feedback * contact
+        force = gains.force_channel
+        forces = force.hand * hand + force.mechanism_feedback * contact
         if self._local:
             ahead = (self._delay + 0.5) * self._period
             impulse = 0.5 * self._period * forces + ahead * contact
@@ -502,7 +503,7 @@ class _Loop:
         spring, damper = self._rigid
         in_range = gains.position_channel.to_device * (held - self._share @ held)
         device = self._gain @ hand + task * (inertia @ free) - spring @ error - damper @ rate
-        device = device + channels.force.contact * (self._touch @ contact)
+        device = device + force.contact * (self._touch @ contact)
         commanded = forces + gains.position_channel.to_mechanism * coupling
         return commanded, device - in_range
 

@@ -321,17 +321,19 @@ def law_of(control: ControlArchitecture, model: OperationalModel) -> Law:
     joint, channels = control.gains.joint_constraint, control.channels
     x, share, projector = model.inverse_inertia, model.wrench_projector, model.constraint_projector
     free = np.eye(6) - share
-    position, feedback = control.gains.position_channel, channels.force.device_feedback
+    position, force = control.gains.position_channel, control.gains.force_channel
     rigid = joint.stiffness * projector, joint.damping * projector
     held = position.to_device * free
     nothing = np.zeros((6, 6))
     return Law(
-        force=force_gain(control.device_inertia, x, share, joint.feedforward, feedback),
+        force=force_gain(
+            control.device_inertia, x, share, joint.feedforward, force.device_feedback
+        ),
         stiffness=rigid[0] + held * channels.held_stiffness,
         damping=rigid[1] + held * channels.held_damping,
-        hand=channels.force.hand * np.eye(6),
+        hand=force.hand * np.eye(6),
         pull=position.to_mechanism * np.diag(channels.stiffness),
         drag=position.to_mechanism * np.diag(channels.damping),
-        local=control.gains.force_channel.local,
+        local=force.local,
         near=rigid if joint.local else (nothing, nothing),
     )

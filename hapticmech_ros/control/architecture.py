@@ -61,20 +61,18 @@ from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import (
     DESIGN_PHASE_LAG,
     Controller,
-    ForceChannelGains,
     PositionChannelGains,
 )
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.part import Part
 
 
-class FourChannel:
-    """Channels with constant gains; kernels make their wrenches.
+class PositionChannels:
+    """Spring and damper of the position channels.
 
     Args:
-        position: C, C1 and C4.
-        force: C2, C3, C5 and C6.
-        inertia: (6,) diagonal of Λ_d, kg and kg m²; needed with a lag.
+        position: C.
+        inertia: (6,) diagonal of Λ_d, kg and kg m².
         lag: s, from measuring to acting, there and back.
 
     Attributes:
@@ -82,19 +80,10 @@ class FourChannel:
         held_stiffness, held_damping: (6,) of it as it acts on the device.
     """
 
-    def __init__(
-        self,
-        position: PositionChannelGains,
-        force: ForceChannelGains,
-        inertia: Array | None = None,
-        lag: float = 0.0,
-    ) -> None:
-        self.position, self.force = position, force
+    def __init__(self, position: PositionChannelGains, inertia: Array, lag: float) -> None:
         stiffness = np.array([position.stiffness] * 3 + [position.angular_stiffness] * 3)
         damping = np.array([position.damping] * 3 + [position.angular_damping] * 3)
-        share = (
-            np.ones(6) if inertia is None else bandwidth_factor(stiffness, damping, inertia, lag)
-        )
+        share = bandwidth_factor(stiffness, damping, inertia, lag)
         self.stiffness, self.damping = stiffness, damping
         self.held_stiffness, self.held_damping = share**2 * stiffness, share * damping
 
@@ -198,7 +187,7 @@ class ControlArchitecture:
         limits: N and N m, of the device.
         device_inertia: (6, 6) Λ_d, kg and kg m², at the point held.
         gains: the present ones.
-        channels: the four channels with them.
+        channels: spring and damper of the position channels with them.
         delay: one-way delay (s) that the gains are for.
     """
 
@@ -234,7 +223,7 @@ class ControlArchitecture:
         self.gains = gains
         lag = 2.0 * self.delay + 1.5 * self._period
         joint, force, position = gains.joint_constraint, gains.force_channel, gains.position_channel
-        self.channels = FourChannel(position, force, np.diag(self.device_inertia), lag)
+        self.channels = PositionChannels(position, np.diag(self.device_inertia), lag)
         self._settings.fill(
             stiffness=self.channels.stiffness,
             damping=self.channels.damping,

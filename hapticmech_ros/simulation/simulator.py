@@ -8,7 +8,7 @@ The mechanism at a time, and over a time; nothing here changes.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,13 +32,8 @@ from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import OperationalPoint
 
 if TYPE_CHECKING:
-    from hapticmech_ros.contact.memory import ContactMemory
+    from hapticmech_ros.contact.memory import ContactMemory, Touching
     from hapticmech_ros.contact.stepping import ContactStepper, Touched
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from hapticmech_ros.contact.memory import Touching
 
 
 @dataclass(frozen=True, slots=True)
