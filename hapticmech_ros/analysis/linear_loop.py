@@ -30,7 +30,7 @@ from functools import cache
 
 import numpy as np
 
-from hapticmech_ros.control.architecture import ControlArchitecture, device_inertia
+from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.loop_stability import ON_CIRCLE, force_gain, lead_gains
 from hapticmech_ros.control.measurements import OperationalModel
 from hapticmech_ros.device.hand import spring_gains
@@ -228,7 +228,7 @@ class _Loop:
         self._near = cut(law.near[0]), cut(law.near[1])
         self._spring, self._grip, self._mass = map(cut, (held.stiffness, held.damping, held.mass))
         self._leads = lead_gains(self._force)
-        self._gain = np.linalg.inv(cut(device_inertia(device)) + self._mass)
+        self._gain = np.linalg.inv(cut(np.diag(device.inertias)) + self._mass)
         loss = cut(np.diag([device.damping] * 3 + [device.angular_damping] * 3))
         self._lost = 0.5 * self._period / self._substeps * self._gain @ loss
         coarse = device.position_resolution > 0.0 or device.angle_resolution > 0.0

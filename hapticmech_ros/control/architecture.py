@@ -63,7 +63,6 @@ from hapticmech_ros.scene.controller import (
     Controller,
     PositionChannelGains,
 )
-from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.part import Part
 
 
@@ -200,7 +199,7 @@ class ControlArchitecture:
 
     def __init__(self, scene: Scene) -> None:
         self.limits = (scene.device.force_limit, scene.device.torque_limit)
-        self.device_inertia = device_inertia(scene.device)
+        self.device_inertia = np.diag(scene.device.inertias)
         self.acts = np.array(scene.device.acts)
         self.delay = scene.connection.designed
         self._period = scene.simulation.period
@@ -414,11 +413,6 @@ class ControlArchitecture:
         if clutch.carried is None:
             return wrench
         return limited(wrench + clutch.faded(time), *self.limits)
-
-
-def device_inertia(device: Device) -> Array:
-    """Return Λ_d (6, 6), kg and kg m², of a device with isotropic mass and inertia."""
-    return np.diag(device.inertias)
 
 
 def _start_ramp(gains: Controller, momentum: float) -> float:
