@@ -186,7 +186,7 @@ class _Differences:
         self._analysis = self._analyser.analyse(terms)
         self._periods_before = periods_before
         before = self._before(state.v)
-        self._compensated = self._analyser.compensated(terms, self._analysis, before)
+        self._compensated = self._analyser.compensated(terms, before)
         space = terms.space
         self._factor = space.factor
         nv = self._mechanism.nv
@@ -247,9 +247,8 @@ class _Differences:
         """Return deviation of the pose, twist and free acceleration of the point, (18,)."""
         terms = self._simulator.evaluate(state)
         seen = terms.points[self._analyser.index]
-        found = self._analyser.analyse(terms)
         before = self._before(self._state.v)
-        compensated = self._analyser.compensated(terms, found, before)
+        compensated = self._analyser.compensated(terms, before)
         turned = pin.log3(seen.pose.rotation @ self._pose.rotation.T)
         away = seen.pose.translation - self._pose.translation
         return np.concatenate((away, turned, seen.twist, compensated.free_acceleration))
@@ -262,7 +261,7 @@ class _Differences:
         """Return the point's free acceleration at the state, after other rates, (6,)."""
         terms = self._simulator.evaluate(self._state)
         before = self._before(self._state.v + self._rates @ speed)
-        return self._analyser.compensated(terms, self._analysis, before).free_acceleration
+        return self._analyser.compensated(terms, before).free_acceleration
 
 
 class Responses(NamedTuple):
