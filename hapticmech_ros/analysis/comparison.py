@@ -57,7 +57,7 @@ from hapticmech_ros.analysis.study import (
 )
 from hapticmech_ros.analysis.touch import Setup, comes_to_rest, relative_speeds
 from hapticmech_ros.control import ControlArchitecture
-from hapticmech_ros.control.architecture import LawControl, LawInput, device_inertia
+from hapticmech_ros.control.architecture import LawControl, LawInput
 from hapticmech_ros.control.loop_stability import LoopTerms, spectral_radius
 from hapticmech_ros.control.measurements import operational_model_of
 from hapticmech_ros.errors import HapticMechError, check_not_negative
@@ -126,7 +126,7 @@ def stiffest_proxy(scene: Scene, found: OperationalAnalysis, delay: int) -> tupl
         InvalidInputError: a delay below 0.
     """
     rows = found.rows
-    inertia = device_inertia(scene.device)[np.ix_(rows, rows)]
+    inertia = np.diag(scene.device.inertias)[np.ix_(rows, rows)]
     loop = np.eye(len(rows)) + found.inverse_inertia[np.ix_(rows, rows)] @ inertia
     return stiffest_gains(scene, loop, delay)
 
@@ -210,7 +210,7 @@ def variants(scene: Scene, point: str = "", delay: int = 1) -> list[Variant]:
     stiff = joint.stiffness, joint.damping
     if found.held.size:
         # Device's mass per unit of P_c along the direction with the largest gain.
-        gain = found.held.T @ np.linalg.inv(device_inertia(scene.device)) @ found.held
+        gain = found.held.T @ np.linalg.inv(np.diag(scene.device.inertias)) @ found.held
         loop = np.linalg.eigvalsh(gain)[-1:, None]
         stiff = stiffest_gains(scene, loop, 0 if joint.local else delay)
     kappa, beta = stiffest_proxy(scene, found.analysis, delay)
@@ -249,7 +249,7 @@ def largest_delay(variant: Variant) -> int | None:
     setup = variant.setup
     scene = at_once(held_by_nobody(setup.scene))
     found = directions(scene, setup.point)
-    mobility, normals = np.linalg.inv(device_inertia(scene.device)), found.normals
+    mobility, normals = np.linalg.inv(np.diag(scene.device.inertias)), found.normals
     speeds = np.full(normals.shape[1], TOUCH_SPEED / np.sqrt(normals.shape[1]))
     impulse = normals @ np.linalg.solve(normals.T @ mobility @ normals, speeds)
     ticks = round(WATCHED_S / scene.simulation.period)

@@ -186,7 +186,7 @@ class _Differences:
         self._analysis = self._analyser.analyse(terms)
         self._periods_before = periods_before
         before = self._before(state.v)
-        self._compensated = self._analyser.compensated(terms, self._analysis, before)
+        self._compensated = self._analyser.compensated(terms, before)
         space = terms.space
         self._factor = space.factor
         nv = self._mechanism.nv
@@ -247,9 +247,8 @@ class _Differences:
         """Return deviation of the pose, twist and free acceleration of the point, (18,)."""
         terms = self._simulator.evaluate(state)
         seen = terms.points[self._analyser.index]
-        found = self._analyser.analyse(terms)
         before = self._before(self._state.v)
-        compensated = self._analyser.compensated(terms, found, before)
+        compensated = self._analyser.compensated(terms, before)
         turned = pin.log3(seen.pose.rotation @ self._pose.rotation.T)
         away = seen.pose.translation - self._pose.translation
         return np.concatenate((away, turned, seen.twist, compensated.free_acceleration))
@@ -262,7 +261,7 @@ class _Differences:
         """Return the point's free acceleration at the state, after other rates, (6,)."""
         terms = self._simulator.evaluate(self._state)
         before = self._before(self._state.v + self._rates @ speed)
-        return self._analyser.compensated(terms, self._analysis, before).free_acceleration
+        return self._analyser.compensated(terms, before).free_acceleration
 
 
 class Responses(NamedTuple):
@@ -487,7 +486,8 @@ class _Loop:
         mechanism = self._mechanism
         point, speed = mechanism.pose @ x, mechanism.twist @ x
         hand, contact = task * hand, task * contact
-        forces = channels.force.hand * hand + channels.force.mechanism_feedback * contact
+        force = gains.force_channel
+        forces = force.hand * hand + force.mechanism_feedback * contact
         if self._local:
             ahead = (self._delay + 0.5) * self._period
             impulse = 0.5 * self._period * forces + ahead * contact
@@ -502,7 +502,7 @@ class _Loop:
         spring, damper = self._rigid
         in_range = gains.position_channel.to_device * (held - self._share @ held)
         device = self._gain @ hand + task * (inertia @ free) - spring @ error - damper @ rate
-        device = device + channels.force.contact * (self._touch @ contact)
+        device = device + force.contact * (self._touch @ contact)
         commanded = forces + gains.position_channel.to_mechanism * coupling
         return commanded, device - in_range
 

@@ -71,7 +71,6 @@ from hapticmech_ros.analysis.study import (
 )
 from hapticmech_ros.analysis.touch import MassHeldDevice, Setup, comes_to_rest, relative_speeds
 from hapticmech_ros.control import ControlArchitecture
-from hapticmech_ros.control.architecture import device_inertia
 from hapticmech_ros.control.measurements import operational_model_of
 from hapticmech_ros.errors import (
     HapticMechError,
@@ -185,7 +184,7 @@ class _Case:
         self._scene = at_once(held_still(scene) if share is None else held_by_nobody(scene))
         self._point, self._delay, self._share = point, delay, share
         self._analysis = Session(self._scene, point).tick().analysis
-        inertia = self._inertia = device_inertia(scene.device)
+        inertia = self._inertia = np.diag(scene.device.inertias)
         x = self._analysis.inverse_inertia
         self.own = 1.0 / float(np.linalg.eigvals(inertia @ x).real.max())
         zero = np.zeros((6, 6))
@@ -307,7 +306,7 @@ class Wall:
             raise InvalidInputError(
                 "scene", scene.name, "must have a joint constraint at its start"
             )
-        mobility = np.linalg.inv(device_inertia(scene.device))
+        mobility = np.linalg.inv(np.diag(scene.device.inertias))
         gain = self._normals.T @ mobility @ self._normals
         sizes, ways = np.linalg.eigh(gain)
         self.mass = 1.0 / float(sizes[-1])

@@ -30,7 +30,7 @@ from functools import cache
 
 import numpy as np
 
-from hapticmech_ros.control.architecture import ControlArchitecture, device_inertia
+from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.loop_stability import ON_CIRCLE, force_gain, lead_gains
 from hapticmech_ros.control.measurements import OperationalModel
 from hapticmech_ros.device.hand import spring_gains
@@ -228,7 +228,7 @@ class _Loop:
         self._near = cut(law.near[0]), cut(law.near[1])
         self._spring, self._grip, self._mass = map(cut, (held.stiffness, held.damping, held.mass))
         self._leads = lead_gains(self._force)
-        self._gain = np.linalg.inv(cut(device_inertia(device)) + self._mass)
+        self._gain = np.linalg.inv(cut(np.diag(device.inertias)) + self._mass)
         loss = cut(np.diag([device.damping] * 3 + [device.angular_damping] * 3))
         self._lost = 0.5 * self._period / self._substeps * self._gain @ loss
         coarse = device.position_resolution > 0.0 or device.angle_resolution > 0.0
@@ -321,17 +321,19 @@ def law_of(control: ControlArchitecture, model: OperationalModel) -> Law:
     joint, channels = control.gains.joint_constraint, control.channels
     x, share, projector = model.inverse_inertia, model.wrench_projector, model.constraint_projector
     free = np.eye(6) - share
-    position, feedback = control.gains.position_channel, channels.force.device_feedback
+    position, force = control.gains.position_channel, control.gains.force_channel
     rigid = joint.stiffness * projector, joint.damping * projector
     held = position.to_device * free
     nothing = np.zeros((6, 6))
     return Law(
-        force=force_gain(control.device_inertia, x, share, joint.feedforward, feedback),
+        force=force_gain(
+            control.device_inertia, x, share, joint.feedforward, force.device_feedback
+        ),
         stiffness=rigid[0] + held * channels.held_stiffness,
         damping=rigid[1] + held * channels.held_damping,
-        hand=channels.force.hand * np.eye(6),
+        hand=force.hand * np.eye(6),
         pull=position.to_mechanism * np.diag(channels.stiffness),
         drag=position.to_mechanism * np.diag(channels.damping),
-        local=control.gains.force_channel.local,
+        local=force.local,
         near=rigid if joint.local else (nothing, nothing),
     )

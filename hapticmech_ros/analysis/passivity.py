@@ -102,7 +102,7 @@ def energy_of(run: Run, device: Device) -> Array:
         run: of a user.
         device: that is held.
     """
-    inertia = np.array([device.mass] * 3 + [device.inertia] * 3)
+    inertia = np.array(device.inertias)
     acting = run["device_applied"][1:] - run["device_added"][:-1]
     given = np.cumsum(np.sum(acting * _ways(run), axis=1))
     moving = 0.5 * np.sum(inertia * run["device_true_twist"] ** 2, axis=1)

@@ -176,7 +176,7 @@ class MassHeldDevice(ImpedanceDevice):
         whole = {"mass": (1.0 + share) * device.mass, "inertia": (1.0 + share) * device.inertia}
         both = device.model_copy(update=whole)
         super().__init__(both, scene.simulation.period, scene.task_space == "planar")
-        self._own = share * np.array([device.mass] * 3 + [device.inertia] * 3)
+        self._own = share * np.array(device.inertias)
 
     def step(
         self,

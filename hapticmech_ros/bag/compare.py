@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from hapticmech_ros.bag.reader import BagReader, flat_fields
 from hapticmech_ros.errors import BagError, check_one_of
+from hapticmech_ros.numerics import Array
 
-Array = NDArray[np.float64]
 Row = Array | str
 
 
@@ -52,7 +52,7 @@ def deviation(a: Row, b: Row) -> Array:
     if a.shape != b.shape:
         return np.array([np.inf])
     with np.errstate(invalid="ignore"):
-        difference = np.abs(a - b)
+        difference: Array = np.abs(a - b)
     difference[(a == b) | (np.isnan(a) & np.isnan(b))] = 0.0
     difference[np.isnan(difference)] = np.inf
     return difference
@@ -149,11 +149,11 @@ class _Field:
     """Sums of one row of numbers."""
 
     def __init__(self, size: int) -> None:
-        self.largest: NDArray[np.float64] = np.zeros(size)
-        self.squares: NDArray[np.float64] = np.zeros(size)
+        self.largest: Array = np.zeros(size)
+        self.squares: Array = np.zeros(size)
         self.worst_at: NDArray[np.int64] = np.zeros(size, dtype=np.int64)
 
-    def add(self, time_ns: int, difference: NDArray[np.float64]) -> None:
+    def add(self, time_ns: int, difference: Array) -> None:
         if difference.size != self.largest.size:
             # Rows of other lengths than the first differ as a whole, unless both do and are equal.
             difference = np.full(self.largest.size, float(difference.max(initial=0.0)))

@@ -49,7 +49,6 @@ from hapticmech_ros.control.measurements import (
     point_ahead,
     predicted_twist,
 )
-from hapticmech_ros.device import NO_WRENCH
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import (
@@ -62,20 +61,17 @@ from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import (
     DESIGN_PHASE_LAG,
     Controller,
-    ForceChannelGains,
     PositionChannelGains,
 )
-from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.part import Part
 
 
-class FourChannel:
-    """Channels with constant gains; kernels make their wrenches.
+class PositionChannels:
+    """Spring and damper of the position channels.
 
     Args:
-        position: C, C1 and C4.
-        force: C2, C3, C5 and C6.
-        inertia: (6,) diagonal of Λ_d, kg and kg m²; needed with a lag.
+        position: C.
+        inertia: (6,) diagonal of Λ_d, kg and kg m².
         lag: s, from measuring to acting, there and back.
 
     Attributes:
@@ -83,19 +79,10 @@ class FourChannel:
         held_stiffness, held_damping: (6,) of it as it acts on the device.
     """
 
-    def __init__(
-        self,
-        position: PositionChannelGains,
-        force: ForceChannelGains,
-        inertia: Array | None = None,
-        lag: float = 0.0,
-    ) -> None:
-        self.position, self.force = position, force
+    def __init__(self, position: PositionChannelGains, inertia: Array, lag: float) -> None:
         stiffness = np.array([position.stiffness] * 3 + [position.angular_stiffness] * 3)
         damping = np.array([position.damping] * 3 + [position.angular_damping] * 3)
-        share = (
-            np.ones(6) if inertia is None else bandwidth_factor(stiffness, damping, inertia, lag)
-        )
+        share = bandwidth_factor(stiffness, damping, inertia, lag)
         self.stiffness, self.damping = stiffness, damping
         self.held_stiffness, self.held_damping = share**2 * stiffness, share * damping
 
@@ -199,7 +186,7 @@ class ControlArchitecture:
         limits: N and N m, of the device.
         device_inertia: (6, 6) Λ_d, kg and kg m², at the point held.
         gains: the present ones.
-        channels: the four channels with them.
+        channels: spring and damper of the position channels with them.
         delay: one-way delay (s) that the gains are for.
     """
 
@@ -212,7 +199,7 @@ class ControlArchitecture:
 
     def __init__(self, scene: Scene) -> None:
         self.limits = (scene.device.force_limit, scene.device.torque_limit)
-        self.device_inertia = device_inertia(scene.device)
+        self.device_inertia = np.diag(scene.device.inertias)
         self.acts = np.array(scene.device.acts)
         self.delay = scene.connection.designed
         self._period = scene.simulation.period
@@ -222,7 +209,7 @@ class ControlArchitecture:
         self._settings = ControllerSettings()
         self._settings.fill(
             task=self.task,
-            inertia=np.diag(self.device_inertia),
+            inertia=scene.device.inertias,
             force_limit=self.limits[0],
             torque_limit=self.limits[1],
         )
@@ -235,7 +222,7 @@ class ControlArchitecture:
         self.gains = gains
         lag = 2.0 * self.delay + 1.5 * self._period
         joint, force, position = gains.joint_constraint, gains.force_channel, gains.position_channel
-        self.channels = FourChannel(position, force, np.diag(self.device_inertia), lag)
+        self.channels = PositionChannels(position, np.diag(self.device_inertia), lag)
         self._settings.fill(
             stiffness=self.channels.stiffness,
             damping=self.channels.damping,
@@ -274,11 +261,6 @@ class ControlArchitecture:
                 turn=turn.coeffs(),
             )
         return self._settings.values
-
-    def carried_at(self, time: float, clutch: Clutch) -> Array:
-        """Return the rest (6,) at ``time`` (s) of a carried wrench, N and N m, world axes."""
-        faded = clutch.faded(time)
-        return NO_WRENCH if faded is None else faded
 
     def tune(self, time: float, gains: Controller, delay: float | None = None) -> None:
         """Interpolate linearly to other gains from ``time`` (s) on, over their ``gain_ramp``.
@@ -413,13 +395,11 @@ class ControlArchitecture:
         seen = OperationalModelSample(operational_model)
         if in_flight is not None:
             seen = OperationalModelSample(operational_model.copy())
-            x, free = seen.inverse_inertia, seen.free_acceleration
-            seen.twist[:] = predicted_twist(seen.twist, x, free, seen.contact, in_flight)
+            seen.twist[:] = predicted_twist(seen, in_flight)
             ahead += in_flight.duration
         out = ControlWrenches()
         answer_measurements(settings, DeviceSample(device), seen, time, ahead, out)
-        if clutch.carried is not None:
-            out.on_hand[:] = self.joined(time, clutch, out.on_hand)
+        out.on_hand[:] = self.joined(time, clutch, out.on_hand)
         return out.values.reshape(6, 6)
 
     def joined(self, time: float, clutch: Clutch, wrench: Array) -> Array:
@@ -430,13 +410,9 @@ class ControlArchitecture:
             clutch: that connects the two poses.
             wrench: (6,) of the controllers, N and N m, world axes.
         """
-        faded = clutch.faded(time)
-        return wrench if faded is None else limited(wrench + faded, *self.limits)
-
-
-def device_inertia(device: Device) -> Array:
-    """Return Λ_d (6, 6), kg and kg m², of a device with isotropic mass and inertia."""
-    return np.diag([device.mass] * 3 + [device.inertia] * 3)
+        if clutch.carried is None:
+            return wrench
+        return limited(wrench + clutch.faded(time), *self.limits)
 
 
 def _start_ramp(gains: Controller, momentum: float) -> float:

@@ -33,6 +33,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.control.loop_layout import BRAKE
+from hapticmech_ros.device import NO_WRENCH
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.quaternions import turned
 
@@ -76,9 +77,9 @@ class Clutch:
             np.clip(((time - self.time) / self.duration - begun) / (1.0 - begun), 0.0, 1.0)
         )
 
-    def faded(self, time: float) -> Array | None:
-        """Return the rest (6,) of ``carried`` at ``time`` (s), N and N m; None for nothing."""
-        return None if self.carried is None else (1.0 - self.ramp(time)) * self.carried
+    def faded(self, time: float) -> Array:
+        """Return the rest (6,) of ``carried`` at ``time`` (s), N and N m; zero for nothing."""
+        return NO_WRENCH if self.carried is None else (1.0 - self.ramp(time)) * self.carried
 
     def brake(self, time: float, rate: float) -> float:
         """Return the share 0 to 1 of a damper that is let through at ``time`` (s).

@@ -159,7 +159,7 @@ def made_for(gains: Controller, device: Device, period: float, delay: float) -> 
     """Return gains whose joint constraint is designed for a one-way delay.
 
     They are unchanged if the device closes the joint constraint itself. The position channel is
-    scaled with the delay by :class:`~hapticmech_ros.control.architecture.FourChannel`.
+    scaled with the delay by :class:`~hapticmech_ros.control.architecture.PositionChannels`.
 
     Args:
         gains: without that delay.

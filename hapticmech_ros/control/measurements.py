@@ -188,27 +188,19 @@ def carried_on(pose: pin.SE3, twist: Array, duration: float) -> pin.SE3:
     return pin.SE3(turn @ pose.rotation, pose.translation + duration * twist[:3])
 
 
-def predicted_twist(
-    twist: Array,
-    inverse_inertia: Array,
-    free_acceleration: Array,
-    contact_wrench: Array,
-    in_flight: InFlight,
-) -> Array:
+def predicted_twist(model: OperationalModelSample, in_flight: InFlight) -> Array:
     """Return the twist (6,) of the operational point once what is in flight has acted.
 
     Nothing is predicted of a mechanism that stands still under it, held by contacts, springs or
     gravity.
 
     Args:
-        twist: (6,) now, m/s and rad/s, world axes.
-        inverse_inertia: (6, 6) X, 1/kg, 1/(kg m) and 1/(kg m²), world axes at the point.
-        free_acceleration: (6,) a_0, m/s² and rad/s², world axes at the point.
-        contact_wrench: (6,) F_c, N and N m, taken as constant.
+        model: its twist now, X, a_0, and F_c, which is taken as constant.
         in_flight: what has not acted yet.
     """
-    impulse = in_flight.impulse + in_flight.duration * contact_wrench
-    return np.asarray(twist + inverse_inertia @ impulse + in_flight.duration * free_acceleration)
+    impulse = in_flight.impulse + in_flight.duration * model.contact
+    moved = model.inverse_inertia @ impulse
+    return np.asarray(model.twist + moved + in_flight.duration * model.free_acceleration)
 
 
 def point_ahead(
@@ -223,10 +215,9 @@ def point_ahead(
         ahead: s, from its time to that of the device's measurement.
         in_flight: commands that have not acted yet.
     """
-    seen, model = point_of(operational_model), model_of(operational_model)
-    twist, contact = seen.twist, seen.contact_wrench
+    seen = point_of(operational_model)
+    twist = seen.twist
     if in_flight is not None:
-        x, free = model.inverse_inertia, model.free_acceleration
-        twist = predicted_twist(twist, x, free, contact, in_flight)
+        twist = predicted_twist(OperationalModelSample(operational_model), in_flight)
         ahead += in_flight.duration
-    return PointMeasurement(carried_on(seen.pose, twist, ahead), twist, contact)
+    return PointMeasurement(carried_on(seen.pose, twist, ahead), twist, seen.contact_wrench)

@@ -173,14 +173,15 @@ def corrected(
 def passivity_for(scene: Scene) -> PassivityController:
     """Return the passivity controller of a scene's device."""
     device = scene.device
-    inertia = np.array([device.mass] * 3 + [device.inertia] * 3)
     limits = device.force_limit, device.torque_limit
     bounds, period = scene.controller.passivity, scene.simulation.period
     acts = np.array(device.acts)
     bandwidth = 2.0 * math.pi * device.actuator_bandwidth
     lag = 1.0 / bandwidth if bandwidth > 0.0 else 0.0
     filtered = device.position_resolution > 0.0 or device.angle_resolution > 0.0
-    return PassivityController(bounds, inertia, period, limits, acts, filtered, lag)
+    return PassivityController(
+        bounds, np.array(device.inertias), period, limits, acts, filtered, lag
+    )
 
 
 class DeviceSide:

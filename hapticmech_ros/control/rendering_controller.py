@@ -279,7 +279,7 @@ class RenderingController:
         control_sample(
             self.account,
             ControllerSettings(settings),
-            control.carried_at(time, clutch),
+            clutch.faded(time),
             self.queue,
             self.past,
             DeviceSample(inputs.device if device is None else device),

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 from pydantic import ValidationError
 
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import InvalidInputError, check_one_of
 from hapticmech_ros.scene.controller import Controller
 
 # Selects the scene's own gain.
@@ -43,8 +43,7 @@ def tuned(gains: Controller, values: Mapping[str, float]) -> Controller:
     """
     document = gains.model_dump()
     for name, value in values.items():
-        if name not in TUNED:
-            raise InvalidInputError("gain", name, f"must be one of {', '.join(TUNED)}")
+        check_one_of("gain", name, TUNED)
         if value != SCENES:
             part, field = TUNED[name]
             document[part][field] = value

@@ -197,7 +197,7 @@ def _constants(
     """Return a device's constants, by fields of :class:`DeviceModel`."""
     task = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0]) if planar else np.ones(6)
     step = period / device.substeps
-    body = np.array([device.mass] * 3 + [device.inertia] * 3)
+    body = np.array(device.inertias)
     arm = np.array([schedule.mass] * 3 + [schedule.inertia] * 3)
     left, mean = _lag(device.actuator_bandwidth, step)
     cut_off = 2.0 * np.pi * device.velocity_filter * period

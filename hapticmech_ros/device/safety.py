@@ -239,10 +239,9 @@ class PositionServo:
             most_servo_stiffness(device.inertia, period, limits.torque, limits.torque_slew),
         )
         stiffness = [linear] * 3 + [angular] * 3
-        inertia = [device.mass] * 3 + [device.inertia] * 3
         ratio = 2.0 * servo.damping_ratio
         self._stiffness = np.array(stiffness)
-        pairs = zip(stiffness, inertia, strict=True)
+        pairs = zip(stiffness, device.inertias, strict=True)
         self._damping = np.array([ratio * math.sqrt(k * m) for k, m in pairs])
 
     def wrench(self, goal: pin.SE3, pose: pin.SE3, twist: Array) -> Array:

@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from hapticmech_ros.device.hand_kernels import Place
 from hapticmech_ros.device.kernels import PublishedState, SimulatedState
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import check_one_of
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.quaternions import quaternion_of
 
@@ -69,6 +69,7 @@ class DeviceState:
         changed = type(self)(self.flat.copy())
         numbers = changed._numbers
         for name, value in parts.items():
+            check_one_of("part of a state", name, (*_PLACES, "measured_pose", *_NUMBERS))
             if name in _PLACES:
                 place = getattr(numbers, _PLACES[name])
                 place.position[:], place.rotation[:] = value.translation, value.rotation
@@ -77,11 +78,8 @@ class DeviceState:
                 numbers.fill(position=value.translation, seen=turn, quaternion=quaternion_of(turn))
             elif name == "window":
                 numbers.window = value
-            elif name in _NUMBERS:
-                attrgetter(_NUMBERS[name])(numbers)[:] = value
             else:
-                known = ", ".join((*_PLACES, "measured_pose", *_NUMBERS))
-                raise InvalidInputError("part of a state", name, f"must be one of {known}")
+                attrgetter(_NUMBERS[name])(numbers)[:] = value
         return changed
 
     def without_force(self) -> DeviceState:

@@ -28,7 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.errors import InvalidInputError, listed
+from hapticmech_ros.errors import InvalidInputError, check_one_of
 from hapticmech_ros.mechanism.model import TreeModel, se3
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
@@ -58,8 +58,7 @@ def grasped(scene: Scene, name: str, frame: str, origin: Origin | None = None) -
     held = scene.operational_point(name)
     links = {link.name: link for link in scene.links}
     points = {point.name: point for point in scene.operational_points}
-    if frame not in links and frame not in points:
-        raise InvalidInputError(_WHAT, frame, f"must be one of {listed([*links, *points])}")
+    check_one_of(_WHAT, frame, [*links, *points])
     own = origin or Origin()
     if not math.hypot(*own.xyz) <= FARTHEST or not all(map(math.isfinite, own.rpy)):
         rule = f"offset must be within {FARTHEST:g} m, angles finite"
@@ -99,9 +98,7 @@ def grasp_posed(scene: Scene, name: str, frame: str, pose: pin.SE3) -> Operation
     Raises:
         InvalidInputError: as :func:`grasped`.
     """
-    return grasped(
-        scene, name, frame, _origin(pose.translation, pin.rpy.matrixToRpy(pose.rotation))
-    )
+    return grasped(scene, name, frame, origin_of(pose))
 
 
 def flat_grasp(scene: Scene, point: OperationalPoint) -> Array:
@@ -137,7 +134,11 @@ def grasp_of(scene: Scene, name: str, numbers: Array) -> OperationalPoint:
 def _joined(outer: Origin, inner: Origin) -> Origin:
     if inner == Origin():
         return outer
-    pose = se3(outer) * se3(inner)
+    return origin_of(se3(outer) * se3(inner))
+
+
+def origin_of(pose: pin.SE3) -> Origin:
+    """Return a pose in a frame as a scene's origin; the inverse of :func:`.model.se3`."""
     return _origin(pose.translation, pin.rpy.matrixToRpy(pose.rotation))
 
 
@@ -150,22 +151,17 @@ def _origin(xyz: Array | list[float], rpy: Array | list[float] | tuple[float, ..
 # Which closures are closed, in the order of the scene.
 Active = tuple[bool, ...]
 
-WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-ROWS: dict[LoopKind, int] = {
-    "spherical": 3,
-    "weld": 6,
-    "revolute": 5,
-    "planar_pin": 2,
-    "rod": 1,
-    "coupling": 1,
-}
-_POINT_ROWS: dict[LoopKind, int] = {
-    "spherical": 3,
-    "weld": 3,
-    "revolute": 3,
-    "planar_pin": 2,
-    "rod": 1,
-    "coupling": 0,
+# Rows of a closure's points: along the world's axes, or the distance.
+_POINT = ("x", "y", "z", "length")
+# Names of each kind's rows, those of points first; then the tilt of b's x and y axis out of the
+# hinge's plane, or turns about the world's axes.
+ROW_NAMES: dict[LoopKind, tuple[str, ...]] = {
+    "spherical": ("x", "y", "z"),
+    "revolute": ("x", "y", "z", "tilt_x", "tilt_y"),
+    "weld": ("x", "y", "z", "turn_x", "turn_y", "turn_z"),
+    "planar_pin": ("x", "y"),
+    "rod": ("length",),
+    "coupling": ("gear",),
 }
 
 
@@ -193,12 +189,12 @@ class LoopClosure:
     @property
     def rows(self) -> int:
         """Number m of scalar constraints."""
-        return ROWS[self.kind]
+        return len(ROW_NAMES[self.kind])
 
     @property
     def point_rows(self) -> int:
         """Number of rows in m, the first ones; the others are of axes, or of angles."""
-        return self.rows if self.linear else _POINT_ROWS[self.kind]
+        return self.rows if self.linear else sum(n in _POINT for n in ROW_NAMES[self.kind])
 
     def row_lengths(self, length: float) -> Array:
         """Return (m,) the unit of each row: ``length`` (m) for points, 1 for axes."""

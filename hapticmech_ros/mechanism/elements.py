@@ -91,7 +91,6 @@ class Elements:
     """All elements of a mechanism.
 
     Attributes:
-        damping: (nv,) of the joints, N m s/rad or N s/m.
         effort: (nv,) constant forces of the joints, N m or N.
         joints: joints with a spring, friction or stops.
         springs: between points.
@@ -99,7 +98,6 @@ class Elements:
     """
 
     def __init__(self, tree: TreeModel, springs: tuple[PointSpring, ...], length: float) -> None:
-        self.damping = tree.damping
         self.effort = np.zeros(tree.damping.size)
         self.springs = springs
         self.shortest = SHORTEST * length
@@ -227,9 +225,8 @@ def _row(spring: PointSpring, model: pin.Model, data: pin.Data) -> Array:
     """Return (nv,) how a spring's length changes with the rates; zero where it has none."""
     gap = spring.gap(data)
     length = float(np.linalg.norm(gap))
-    axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     ends = [
-        pin.getFrameJacobian(model, data, frame, axes).reshape(6, model.nv)[:3]
+        pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED).reshape(6, model.nv)[:3]
         for frame in (spring.frame_a, spring.frame_b)
     ]
     direction = gap / length if length > 0.0 else np.zeros(3)

@@ -22,14 +22,14 @@ from typing import NamedTuple, Protocol, TypeVar
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.mechanism.closures import Active, LoopClosure
+from hapticmech_ros.mechanism.closures import Active, LoopClosure, origin_of
 from hapticmech_ros.mechanism.constraint_space import Closing
 from hapticmech_ros.mechanism.inertia import SingularInertiaError
 from hapticmech_ros.mechanism.model import TreeModel, authored_state, se3
 from hapticmech_ros.mechanism.tolerances import RESOLVED, SOLVER_RANK_TOLERANCE
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.scene.mechanism import Joint, LinkFrame, Origin
+from hapticmech_ros.scene.mechanism import Joint, LinkFrame
 
 # No frame is moved by more: a fraction of the mechanism's length, or rad. Rows this close to
 # following from others are taken as redundant, if they stay so along the motion.
@@ -364,7 +364,4 @@ def _displaced(part: Displaced, twist: Array) -> Displaced:
     """Return a joint or a closure's end whose origin is moved by a twist (6,), m and rad."""
     if not twist.any():
         return part
-    place = se3(part.origin) * pin.exp6(twist)
-    x, y, z = place.translation.tolist()
-    roll, pitch, yaw = pin.rpy.matrixToRpy(place.rotation).tolist()
-    return part.model_copy(update={"origin": Origin(xyz=(x, y, z), rpy=(roll, pitch, yaw))})
+    return part.model_copy(update={"origin": origin_of(se3(part.origin) * pin.exp6(twist))})

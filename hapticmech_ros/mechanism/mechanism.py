@@ -18,9 +18,8 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.errors import HapticMechError, InvalidInputError, listed
+from hapticmech_ros.errors import HapticMechError, InvalidInputError, check_one_of
 from hapticmech_ros.mechanism.closures import (
-    WORLD_AXES,
     Active,
     LoopClosure,
     bind_closure,
@@ -171,7 +170,9 @@ class Mechanism:
         for index, loop in enumerate(self.closures):
             frames = (loop.frame_a, loop.frame_b)
             a, b = (
-                pin.getFrameJacobian(model, data, frame, WORLD_AXES).reshape(6, self.nv)
+                pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED).reshape(
+                    6, self.nv
+                )
                 for frame in frames
             )
             used = np.repeat((loop.point_rows > 0, loop.rows > loop.point_rows), 3)
@@ -269,8 +270,7 @@ class Mechanism:
         Raises:
             InvalidInputError: no such link.
         """
-        if link not in self.tree.link_joint:
-            raise InvalidInputError("link", link, f"must be one of {listed(self.tree.link_joint)}")
+        check_one_of("link", link, self.tree.link_joint)
         return self.tree.link_joint[link]
 
     def link_jacobian(self, q: Array, link: str) -> Array:
@@ -285,7 +285,7 @@ class Mechanism:
         """
         joint, placement = self.link_place(link)
         pin.computeJointJacobians(self.model, self.data, q)
-        jacobian = pin.getJointJacobian(self.model, self.data, joint, WORLD_AXES)
+        jacobian = pin.getJointJacobian(self.model, self.data, joint, pin.LOCAL_WORLD_ALIGNED)
         x, y, z = self.data.oMi[joint].rotation @ placement.translation
         jacobian[:3] -= np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))) @ jacobian[3:]
         return np.asarray(jacobian)
@@ -307,8 +307,7 @@ class Mechanism:
             return self.data.oMi[joint] * placement
         point = frame.removesuffix("_world")
         if point not in self.point_names:
-            known = [*self.tree.link_joint, *self.point_names]
-            raise InvalidInputError("frame", frame, f"must be one of {listed(known)}")
+            check_one_of("frame", frame, [*self.tree.link_joint, *self.point_names])
         pose = self.data.oMf[self._point_frames[self.point_names.index(point)]].copy()
         return pose if frame == point else pin.SE3(np.eye(3), pose.translation)
 
@@ -381,10 +380,8 @@ class Mechanism:
         Raises:
             InvalidInputError: no such joint, or one that does not move.
         """
-        names = self.tree.joint_names
-        if name not in names:
-            raise InvalidInputError("joint", name, f"must be one of {listed(names)}")
-        index = names.index(name)
+        check_one_of("joint", name, self.tree.joint_names)
+        index = self.tree.joint_names.index(name)
         return self.tree.position_slice(index), self.tree.velocity_slice(index)
 
     def joint_index(self, name: str) -> int:
@@ -406,8 +403,7 @@ class Mechanism:
             InvalidInputError: no such closure.
         """
         names = [closure.name for closure in self.closures]
-        if name not in names:
-            raise InvalidInputError("closure", name, f"must be one of {listed(names)}")
+        check_one_of("closure", name, names)
         return names.index(name)
 
     def check_state(self, q: Array, v: Array) -> tuple[Array, Array]:

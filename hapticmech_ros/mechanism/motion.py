@@ -45,7 +45,7 @@ class Start(NamedTuple):
         v: (nv,) rates, rad/s or m/s.
         active: per closure, whether it is closed.
         terms: of Eq. 1 there, if known.
-        closing: the closures' terms there, if known.
+        closing: the closures' terms there, if known; those of ``terms`` where these are.
         earlier: by the account so far.
     """
 
@@ -58,10 +58,8 @@ class Start(NamedTuple):
 
     def packed(self, active_set: ActiveSet) -> Array | None:
         """Return the packed terms (size,) if they are known, and of this kind."""
-        closing = self.closing if self.terms is None else self.terms.closing
-        if closing is None:
-            return None
-        return closing.packed if closing.active_set is active_set else None
+        known = self.closing
+        return known.packed if known is not None and known.active_set is active_set else None
 
 
 class ExternalWrenches(NamedTuple):

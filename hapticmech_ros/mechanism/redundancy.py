@@ -9,30 +9,15 @@ solver's rank r; which rows they are depends on the order (T9 of docs/derivation
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from hapticmech_ros.mechanism.closures import Active, LoopClosure
+from hapticmech_ros.mechanism.closures import ROW_NAMES, Active, LoopClosure
 from hapticmech_ros.mechanism.constraint_space import Closing, solve_lower
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.tolerances import SOLVER_RANK_TOLERANCE
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.scene.mechanism import LoopKind
-
-POINT = ("x", "y", "z")
-# As LoopClosure lists them: points along the world's axes; the tilt of b's x and y axis out of the
-# hinge's plane; turns about the world's axes; the distance.
-ROW_NAMES: Mapping[LoopKind, tuple[str, ...]] = {
-    "spherical": POINT,
-    "revolute": (*POINT, "tilt_x", "tilt_y"),
-    "weld": (*POINT, "turn_x", "turn_y", "turn_z"),
-    "planar_pin": ("x", "y"),
-    "rod": ("length",),
-    "coupling": ("gear",),
-}
-_IN_METRES = frozenset((*POINT, "length"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,21 +87,22 @@ def redundancy(mechanism: Mechanism, q: Array, active: Active) -> Redundancy:
     checked, _ = mechanism.check_state(q, np.zeros(mechanism.nv))
     closing = mechanism.closing_terms(checked, active)
     loops = [loop for loop, on in zip(mechanism.closures, active, strict=True) if on]
-    names = [f"{loop.name}/{row}" for loop in loops for row in ROW_NAMES[loop.kind]]
-    in_metres = np.array([name.rsplit("/", 1)[1] in _IN_METRES for name in names], dtype=bool)
+    labels = [tuple(f"{loop.name}/{row}" for row in ROW_NAMES[loop.kind]) for loop in loops]
+    names = [name for rows in labels for name in rows]
+    in_metres = [row < loop.point_rows for loop in loops for row in range(loop.rows)]
     new = independent(_scaled_rows(mechanism, closing, loops))
     redundant = {name for name, is_new in zip(names, new, strict=True) if not is_new}
-    sizes, found = np.abs(closing.residual), []
-    for loop in loops:
-        rows = tuple(f"{loop.name}/{row}" for row in ROW_NAMES[loop.kind])
-        found.append(ClosureRows(loop.name, rows, tuple(row for row in rows if row in redundant)))
+    lengths, sizes = np.array(in_metres, dtype=bool), np.abs(closing.residual)
     return Redundancy(
         rows=len(names),
         rank=closing.space.rank,
         mobility=mechanism.nv - closing.space.rank,
-        closures=tuple(found),
-        residual_m=float(sizes[in_metres].max(initial=0.0)),
-        residual_rad=float(sizes[~in_metres].max(initial=0.0)),
+        closures=tuple(
+            ClosureRows(loop.name, rows, tuple(row for row in rows if row in redundant))
+            for loop, rows in zip(loops, labels, strict=True)
+        ),
+        residual_m=float(sizes[lengths].max(initial=0.0)),
+        residual_rad=float(sizes[~lengths].max(initial=0.0)),
     )
 
 

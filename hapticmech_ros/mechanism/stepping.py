@@ -252,10 +252,9 @@ class Stepper:
     def _branch_substep(self, start: Start, external: ExternalWrenches) -> Stepped:
         """Return the state after a step, along its branch where branches of the motion cross."""
         if not self._pulled:
-            known = start.closing if start.terms is None else start.terms.closing
             led = branch_step(
                 self._mechanism,
-                start._replace(closing=known),
+                start,
                 external,
                 self.step,
                 lambda stepped: self._balance(start, stepped, external, False),

@@ -599,7 +599,7 @@ class DevicePath(InOrder):
         if not self._follower.exceeded(self.round_trip):
             return ""
         device, designed = self._scene.device, 2.0 * self._scene.connection.designed
-        inertia = np.array([device.mass] * 3 + [device.inertia] * 3)
+        inertia = np.array(device.inertias)
         admissible = admissible_round_trip(gains, inertia, self._scene.simulation.period)
         admissible = max(admissible, designed)
         if self.round_trip <= admissible:

@@ -256,21 +256,16 @@ class Analyser:
         """
         return self.observe_terms(terms).analysis
 
-    def compensated(
-        self, terms: Evaluation, found: OperationalAnalysis, before: Array | None = None
-    ) -> CompensatedResponse:
+    def compensated(self, terms: Evaluation, before: Array | None = None) -> CompensatedResponse:
         """Return X_τ and a_τ for a loop with delay τ; see :mod:`.observe_kernels`.
 
         Args:
             terms: of Eq. 1 at a state.
-            found: the analysis there.
             before: (1 + nv,) as of :meth:`observe`.
 
         Raises:
             HapticMechError: as :meth:`observe`.
         """
-        if self.compensated_delay == 0.0:
-            return CompensatedResponse(found.inverse_inertia, found.free_acceleration)
         return self.observe_terms(terms, self.compensated_delay, before).compensated
 
     def observe_terms(

@@ -547,7 +547,7 @@ def _elements(run: Running) -> dict[str, int]:
     elements = run.mechanism.elements
     joints = [element.joint for element in elements.joints]
     return {
-        "dampers": int(np.count_nonzero(elements.damping)),
+        "dampers": int(np.count_nonzero(run.mechanism.tree.damping)),
         "springs in joints": sum(joint.stiffness > 0.0 for joint in joints),
         "springs between points": len(elements.springs),
         "friction": sum(joint.friction > 0.0 for joint in joints),

@@ -245,6 +245,11 @@ class Device(Part):
         """1 for each of the six coordinates that actuators drive, 0 for others."""
         return (1.0,) * 6 if self.actuated == "all" else (1.0,) * 3 + (0.0,) * 3
 
+    @property
+    def inertias(self) -> tuple[float, ...]:
+        """Diagonal of Λ_d (6,): mass, kg, and inertia, kg m²."""
+        return (self.mass,) * 3 + (self.inertia,) * 3
+
     @model_validator(mode="before")
     @classmethod
     def _from_preset(cls, given: object) -> object:

@@ -4,18 +4,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hapticmech_ros.compilation.records import Field, Layout
 from hapticmech_ros.control import ControlOutput, OperationalModel
 from hapticmech_ros.control.loop_layout import ActingWrenches, Answer
 from hapticmech_ros.control.measurements import model_of
 from hapticmech_ros.device import DeviceState
 from hapticmech_ros.mechanism import PointKinematics
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DeviceSample, OperationalModelSample
+from hapticmech_ros.numerics.layout import TWIST, WRENCH, DeviceSample, OperationalModelSample
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.observation import Observation
 from hapticmech_ros.session.tick_kernels import SessionData, SessionTotals
@@ -23,12 +26,6 @@ from hapticmech_ros.simulation.simulator import EnergyAccount, MechanismState
 
 if TYPE_CHECKING:
     from hapticmech_ros.contact.memory import Touching
-from collections.abc import Mapping
-from importlib import import_module
-from typing import Any
-
-from hapticmech_ros.compilation.records import Field, Layout
-from hapticmech_ros.numerics.layout import TWIST, WRENCH
 
 ENERGIES = ("to_mechanism", "stored", "injected", "dissipated", "actuators")
 SCALARS = frozenset(("time", *ENERGIES, "count"))

@@ -172,7 +172,6 @@ class Session:
         mechanism = self.simulator.mechanism
         self.layout = run_layout(mechanism.nq, mechanism.nv)
         self._chosen: ActiveSet | None = None
-        self._constants: tuple[Array, Array] = np.zeros(0, dtype=np.int64), np.zeros(0)
         self._packed = np.zeros((4, 0))
         self._may_latch = False
         # Of the kernel, in its order; those that never change.
@@ -286,11 +285,7 @@ class Session:
             InvalidInputError: the state is no longer finite, an unknown link, or a wrench of
                 another shape, not finite or beyond ``limits``; nothing has moved then.
         """
-        pushed: dict[str, Array] = {}
-        if on_links:
-            for link, wrench in on_links.items():
-                self.simulator.mechanism.link_place(link)
-                pushed[link] = checked_wrench(f"wrench on {link}", wrench, self.scene.limits)
+        pushed = checked_pushes(self.simulator, on_links or NOTHING)
         inputs, limits = _NOTHING, self.scene.limits
         if external_wrench is not None or hand_wrench is not None:
             inputs = np.zeros((1, 12))
@@ -529,9 +524,9 @@ class Session:
         mechanism, data, clock = self.simulator.mechanism, self._parts, self._clock
         active_set = mechanism.active_set(state.active)
         if active_set is not self._chosen:
-            self._chosen, self._constants = active_set, active_set.constants
+            self._chosen = active_set
             self._packed = np.zeros((4, active_set.size))
-            self._give(0, (*self._constants, self._packed))
+            self._give(0, (*active_set.constants, self._packed))
         if state.active != self._known.active:
             # Closing or opening changes rates in no time.
             data.past[:] = 0.0
@@ -613,13 +608,13 @@ class Session:
         if self._call(first, inputs, rows):
             self._observe_in_python()
         self._call(RECEIVE, inputs, rows)
-        clutch = self._engaged_clutch(self.time)
+        clutch = self._engaged_clutch()
         self._set(clutch)
         faulty = self._motion is not None and bool(self._motion.fault)
         if faulty:
             self._given.values[:] = 0.0
         elif control.answers_in_python and self._data.received:
-            self._answer_in_python(self.time, clutch)
+            self._answer_in_python(clutch)
         self._clock[ANSWERED] = control.answers_in_python or faulty
         self._call(RENDER | (DEVICE if simulated else 0), inputs, rows)
         self._clock[ANSWERED] = 0
@@ -636,7 +631,7 @@ class Session:
                 return
         self._settled, data, time = None, self._parts, self.time
         data.settings[:] = control.settings_at(time, clutch)
-        data.faded[:] = control.carried_at(time, clutch)
+        data.faded[:] = clutch.faded(time)
         data.locality[:] = self._side.locality(corrects=True, with_model=True).values
         if not (clutch.is_closing or control.is_ramping):
             self._settled = clutch, control.gains, control.delay
@@ -677,9 +672,9 @@ class Session:
             terms, force = self.simulator.evaluate(state), state.touching.joint_force
             data.contact[:] = contact_wrench(self._analyser, terms, force)
 
-    def _answer_in_python(self, time: float, clutch: Clutch) -> None:
+    def _answer_in_python(self, clutch: Clutch) -> None:
         """Answer the received sample by a control law in Python."""
-        data, side = self._parts, self._side
+        data, side, time = self._parts, self._side, self.time
         received = data.sample if side.is_ideal else data.forth[-1]
         operational_model, flying = data.observation[:_MODEL_SIZE], None
         if Locality(data.locality).force_channel != 0.0:
@@ -720,9 +715,9 @@ class Session:
         wrenches[self._analyser.index] = acting.on_mechanism + data.external
         self.go_on(self.simulator.step(state, wrenches, on_links))
 
-    def _engaged_clutch(self, time: float) -> Clutch:
+    def _engaged_clutch(self) -> Clutch:
         """Return the clutch, engaged anew at the start and if the mechanism is held elsewhere."""
-        clutch, control, data = self._clutch, self._control, self._parts
+        clutch, control, data, time = self._clutch, self._control, self._parts, self.time
         device, operational_model = data.sample.copy(), data.observation[:_MODEL_SIZE].copy()
         if clutch is None or self._carried is not None:
             clutch = control.engage(time, device, operational_model, 0.0, self._carried)
@@ -761,6 +756,22 @@ def checked_wrench(name: str, given: Array, limits: Limits) -> Array:
     if np.shape(given) != (6,):
         raise InvalidInputError(f"shape of {name}", np.shape(given), "must be (6,)")
     return _bounded(name, given, limits)
+
+
+def checked_pushes(simulator: Simulator, on_links: Mapping[str, Array]) -> dict[str, Array]:
+    """Return wrenches (6,) on links as they were given, by link.
+
+    Args:
+        simulator: of the mechanism.
+        on_links: (6,) by name of the link, N and N m.
+
+    Raises:
+        InvalidInputError: an unknown link; and as :func:`checked_wrench`.
+    """
+    for link, wrench in on_links.items():
+        simulator.mechanism.link_place(link)
+        checked_wrench(f"wrench on {link}", wrench, simulator.scene.limits)
+    return dict(on_links)
 
 
 def _bounded(name: str, given: Array, limits: Limits) -> Array:

@@ -21,7 +21,7 @@ from hapticmech_ros.operational.analysis import ContactWrenches, by_others, coup
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Origin
 from hapticmech_ros.session.sample import Run, Sample
-from hapticmech_ros.session.session import NO_RECORDS, Session, checked_wrench
+from hapticmech_ros.session.session import NO_RECORDS, Session, checked_pushes, checked_wrench
 from hapticmech_ros.simulation import MechanismState, Simulator
 
 
@@ -131,10 +131,7 @@ class SharedSession:
             ClosureError, InaccurateStepError: as of ``Session.tick``.
         """
         inputs = self._inputs(external_wrenches, hand_wrenches)
-        pushed = {}
-        for link, wrench in on_links.items():
-            self.simulator.mechanism.link_place(link)
-            pushed[link] = checked_wrench(f"wrench on {link}", wrench, self.scene.limits)
+        pushed = checked_pushes(self.simulator, on_links)
         begun = {point: user.begun() for point, user in self._users.items()}
         self._advance(inputs, {}, pushed)
         return {point: user.sample(begun[point]) for point, user in self._users.items()}

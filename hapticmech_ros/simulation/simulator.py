@@ -8,7 +8,7 @@ The mechanism at a time, and over a time; nothing here changes.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,13 +32,8 @@ from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import OperationalPoint
 
 if TYPE_CHECKING:
-    from hapticmech_ros.contact.memory import ContactMemory
+    from hapticmech_ros.contact.memory import ContactMemory, Touching
     from hapticmech_ros.contact.stepping import ContactStepper, Touched
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from hapticmech_ros.contact.memory import Touching
 
 
 @dataclass(frozen=True, slots=True)
@@ -370,9 +365,10 @@ class Simulator:
         """Return a state as the start of a step, with the terms known there."""
         known = self._evaluated
         terms = known[1] if known is not None and known[0] is state else None
+        closing = self._closing(state) if terms is None else terms.closing
         a = state.account
         earlier = EarlierAccount(a.surplus, a.work_in, a.lost, a.moved)
-        return Start(state.q, state.v, state.active, terms, self._closing(state), earlier)
+        return Start(state.q, state.v, state.active, terms, closing, earlier)
 
     def _ended(
         self, state: MechanismState, stepped: Stepped, steps: int, touched: Touched | None = None

@@ -17,7 +17,7 @@ import numpy as np
 from hapticmech_ros.errors import InvalidInputError, OutputError
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.wire.bounds import Bounds
-from hapticmech_ros.wire.stamped import LITTLE_ENDIAN, stamp_of
+from hapticmech_ros.wire.stamped import LITTLE_ENDIAN, stamp_of, with_text
 
 _HEADER = len(LITTLE_ENDIAN)
 
@@ -122,8 +122,7 @@ def _before_data(dimensions: Sequence[tuple[str, int, int]], count: int) -> byte
     """Return a message up to its data: label, size and stride of each dimension, and counts."""
     body = struct.pack("<I", len(dimensions))
     for name, size, stride in dimensions:
-        label = name.encode() + b"\0"
-        body += b"\0" * (-len(body) % 4) + struct.pack("<I", len(label)) + label
+        body = with_text(body, name)
         body += b"\0" * (-len(body) % 4) + struct.pack("<II", size, stride)
     # Offset of the data, and their number; numbers are aligned, if there are any.
     body += struct.pack("<II", 0, count)

@@ -80,7 +80,6 @@ class OperationalModelWriter:
 
     def __init__(self, analyser: Analyser, past: PastRates, values: Array | None = None) -> None:
         self._analyser, self._past = analyser, past
-        self._index = analyser.index
         self.message = OperationalModelMessage(values)
         self.message.directions = analyser.rows.size
 
@@ -93,7 +92,7 @@ class OperationalModelWriter:
         before = self._past.before(state.stamp_ns, state.active)
         found = self._analyser.observe(state.q, state.v, state.active, before=before)
         self._past.add(state.stamp_ns, state.v, state.active)
-        at = self._index
+        at = self._analyser.index
         reported = state.contacts[at], float(state.commanded[at]), state.grasps[at]
         write_operational_model(self.message, state.stamp_ns, found.model, *reported)
         return found

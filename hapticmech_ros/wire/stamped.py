@@ -91,6 +91,12 @@ def encode_pose(place: Sequence[float], stamp_ns: int) -> bytes:
     return _SEVEN.pack(LITTLE_ENDIAN, *seconds_of(stamp_ns), len(WORLD_NAME), WORLD_NAME, *place)
 
 
+def with_text(body: bytes, text: str) -> bytes:
+    """Return a message's body with a text behind it, at the next multiple of 4 bytes."""
+    label = text.encode() + b"\0"
+    return body + b"\0" * (-len(body) % 4) + struct.pack("<I", len(label)) + label
+
+
 class JointStateWriter:
     """JointState messages of the same joints.
 
@@ -99,12 +105,11 @@ class JointStateWriter:
     """
 
     def __init__(self, names: Sequence[str]) -> None:
-        body = struct.pack("<I", len(WORLD_NAME)) + WORLD_NAME
         # Counted from the stamp, which is 8 bytes.
+        body = with_text(b"", "world")
         body += b"\0" * (-len(body) % 4) + struct.pack("<I", len(names))
         for name in names:
-            label = name.encode() + b"\0"
-            body += b"\0" * (-len(body) % 4) + struct.pack("<I", len(label)) + label
+            body = with_text(body, name)
         self._names = body + b"\0" * (-len(body) % 4)
 
     def encode(

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import check_one_of
 
 # Replaces CRTK's own message types where they are not installed.
 TEXT = "std_msgs/msg/String"
@@ -99,10 +99,9 @@ REAL_DEVICES = (HAPLY, RELAY)
 def user_prefixes(points: Sequence[str]) -> dict[str, str]:
     """Return the prefix of a user's names of topics, nodes and frames, by the point held.
 
-    Of several users each has its point's name as a namespace, in that of the mechanism; one user
-    has that of the mechanism.
+    It is the namespace that :func:`users_of` gives, in that of the mechanism.
     """
-    return {point: f"{point}/" if len(points) > 1 else "" for point in points}
+    return {point: f"{space}/" if space else "" for space, point in users_of(points)}
 
 
 def crtk_type(name: str) -> str:
@@ -657,5 +656,4 @@ def check_feeds(kinds: Sequence[str]) -> None:
         InvalidInputError: not one of :data:`FEEDS`.
     """
     for kind in kinds:
-        if kind not in FEEDS:
-            raise InvalidInputError("feed", kind, f"must be one of {', '.join(FEEDS)}")
+        check_one_of("feed", kind, FEEDS)

@@ -12,17 +12,16 @@ from hapticmech_ros.control.account_kernels import (
     account_for_springs,
     queue_wrench,
 )
-from hapticmech_ros.control.architecture import FourChannel
+from hapticmech_ros.control.architecture import PositionChannels
 from hapticmech_ros.control.loop_layout import ControllerSettings
 from hapticmech_ros.control.rendering_controller import RenderingController
 from hapticmech_ros.scene.controller import (
-    ForceChannelGains,
     JointConstraintGains,
     PositionChannelGains,
 )
 
 PERIOD = 1e-3
-CHANNELS = FourChannel(PositionChannelGains(), ForceChannelGains())
+CHANNELS = PositionChannels(PositionChannelGains(), np.ones(6), 0.0)
 
 
 class Ledger(RenderingController):

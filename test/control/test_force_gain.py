@@ -10,6 +10,7 @@ from hapticmech_ros.control.measurements import (
     InFlight,
     predicted_twist,
 )
+from hapticmech_ros.numerics.layout import OperationalModelSample
 from oracles.controllers import corrected_answers
 
 
@@ -39,7 +40,10 @@ def test_nothing_is_foreseen_of_a_mechanism_that_stands_still_under_a_push(held_
     in_flight = InFlight(1e-3, 1e-3 * push)
     free = -x @ push if held_by == "gravity" else np.zeros(6)
     contact = -push if held_by == "contact" else np.zeros(6)
-    still = predicted_twist(twist, x, free, contact, in_flight)
+    model = OperationalModelSample()
+    model.fill(twist=twist, inverse_inertia=x, free_acceleration=free, contact=contact)
+    still = predicted_twist(model, in_flight)
     assert np.abs(still - twist).max() < 1e-15 * np.abs(x).max()
-    moving = predicted_twist(twist, x, np.zeros(6), np.zeros(6), in_flight)
+    model.fill(free_acceleration=np.zeros(6), contact=np.zeros(6))
+    moving = predicted_twist(model, in_flight)
     assert moving == pytest.approx(twist + 1e-3 * x @ push, rel=1e-12)

@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.control import OperationalModel
-from hapticmech_ros.control.architecture import FourChannel
+from hapticmech_ros.control.architecture import PositionChannels
 from hapticmech_ros.scene.controller import (
     DESIGN_PHASE_LAG,
-    ForceChannelGains,
     PositionChannelGains,
 )
 from oracles.controllers import answered, control_of
@@ -103,8 +102,8 @@ def test_local_force_feedback_makes_both_sides_as_much_lighter(feedback):
 @pytest.mark.parametrize("lag", [0.0, 1.5e-3, 0.0215, 0.1015])
 def test_gains_on_the_device_keep_the_phase_lag_of_a_delayed_loop(lag):
     inertia = np.array([0.3] * 3 + [3e-4] * 3)
-    channels = FourChannel(GAINS, ForceChannelGains(), inertia, lag)
-    full = FourChannel(GAINS, ForceChannelGains())
+    channels = PositionChannels(GAINS, inertia, lag)
+    full = PositionChannels(GAINS, inertia, 0.0)
     pace = np.sqrt(channels.held_stiffness / inertia)
     assert (pace * lag <= DESIGN_PHASE_LAG * (1 + 1e-12)).all()
     assert (channels.held_damping / inertia * lag <= DESIGN_PHASE_LAG * (1 + 1e-12)).all()

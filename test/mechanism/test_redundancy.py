@@ -8,10 +8,9 @@ import pytest
 from benchmarks.accuracy import cases
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.closures import ROWS
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.mechanism.projection import consistent_initial_state
-from hapticmech_ros.mechanism.redundancy import ROW_NAMES, independent, redundancy
+from hapticmech_ros.mechanism.redundancy import independent, redundancy
 from hapticmech_ros.scene import scene_from_document
 from oracles.generator import random_mechanism
 from oracles.planar_linkages import PIVOT, five_bar, five_bar_bent
@@ -41,10 +40,6 @@ def four_bar_in_space():
     (pin,) = document["closures"]
     hinge = pin | {"name": "hinge", "kind": "revolute"}
     return document | {"task_space": "spatial", "closures": [hinge]}
-
-
-def test_rows_are_named_as_many_as_there_are():
-    assert {kind: len(ROW_NAMES[kind]) for kind in ROWS} == dict(ROWS)
 
 
 @pytest.mark.parametrize("copies", [1, 2, 21])
@@ -126,6 +121,21 @@ def test_residuals_are_told_in_metres_and_radians_apart():
     assert found.residual_m == residual[:3].max()
     assert found.residual_rad == residual[3:].max()
     assert found.residual_m != found.residual_rad
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_a_coupling_is_open_in_the_unit_of_the_joint_that_follows(kind):
+    document = with_start(five_bar(), five_bar_bent(1.9, 0.6)) | {"closures": []}
+    for link in document["links"][:2]:
+        link["joint"] |= {"type": kind, "axis": [0.0, 0.0, 1.0]}
+        if kind == "prismatic":
+            link["joint"]["axis"] = [1.0, 0.0, 0.0]
+    leader, joint = (link["joint"]["name"] for link in document["links"][:2])
+    document["couplings"] = [{"name": "gear", "joint": joint, "leader": leader}]
+    document["initial_state"] = {"q": {leader: 0.25, joint: 0.5}}
+    found = report(scene_from_document(document))
+    expected = (0.25, 0.0) if kind == "prismatic" else (0.0, 0.25)
+    assert (found.residual_m, found.residual_rad) == expected
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -53,7 +53,7 @@ def compensated(pair, active, compensated_delay=COMPENSATED_DELAY, v=None, befor
     analyser = Analyser(pair.mechanism, "", compensated_delay)
     terms = pair.mechanism.evaluate(pair.q, v, active)
     found = analyser.analyse(terms)
-    return terms, found, analyser.compensated(terms, found, before)
+    return terms, found, analyser.compensated(terms, before)
 
 
 def earlier(pair, active, ago):
@@ -153,7 +153,7 @@ class Pushed:
         analyser = Analyser(self.simulator.mechanism, "", count * self.period)
         terms = self.simulator.evaluate(self.states[FIRST])
         before = np.concatenate(((back * self.period,), self.states[FIRST - back].v))
-        answer = analyser.compensated(terms, analyser.analyse(terms), before if back else None)
+        answer = analyser.compensated(terms, before if back else None)
         wrench = self.direction * self.growth((FIRST + count) * self.period)
         now = answer.inverse_inertia @ wrench + answer.free_acceleration
         return np.linalg.norm((then - now)[self.rows]) / np.linalg.norm(then[self.rows])
@@ -184,8 +184,8 @@ def test_rates_that_were_tell_it_of_a_wrench_that_grows(name, ago):
 def test_a_loop_in_time_gets_x_and_a_0_themselves():
     pair = posed(load_scene("spatial_arm"))
     _, found, answer = compensated(pair, (), compensated_delay=0.0)
-    assert answer.inverse_inertia is found.inverse_inertia
-    assert answer.free_acceleration is found.free_acceleration
+    assert np.array_equal(answer.inverse_inertia, found.inverse_inertia)
+    assert np.array_equal(answer.free_acceleration, found.free_acceleration)
 
 
 @pytest.mark.parametrize("kind", ["spherical", "revolute", "planar_pin"])
