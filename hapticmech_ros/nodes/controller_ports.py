@@ -271,7 +271,7 @@ class ControllerOutputs:
             energies: of the controllers.
         """
         if self.answers % self._actor.view_every == 0:
-            self._actor.node.exchange.publish_views()
+            self._actor.node.exchange.turn.publish_views()
             self.publish_view(wrenches, stamp_ns, energies)
         self.answers += 1
 

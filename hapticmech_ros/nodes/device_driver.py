@@ -107,6 +107,7 @@ class PoseCommands:
         ended: called when a pose command ends, with the reason; empty if ended by another command.
 
     Attributes:
+        kind: the command that acts, ``servo_cp`` or ``hold``; empty if neither does.
         sources: publishers of ``servo_cp``.
         timeout_ns: how long a ``servo_cp`` is valid, ns.
     """
@@ -124,7 +125,7 @@ class PoseCommands:
         self.timeout_ns = 0
         self.sources: Sources = actor.sources(DEVICE_POSE_COMMAND.name)
         self._goal: pin.SE3 | None = None
-        self._kind = ""
+        self.kind = ""
         self._received_ns = NEVER
         self._setpoint = actor.view(DEVICE_POSE_SETPOINT, PoseStamped)
         qos, name = actor.control_input, DEVICE_POSE_COMMAND.name
@@ -132,14 +133,9 @@ class PoseCommands:
         actor.input(DEVICE_HOLD.name, Empty, STREAM_PUBLISHER, self._on_hold)
         actor.input(DEVICE_FREE.name, Empty, STREAM_PUBLISHER, self._on_free)
 
-    @property
-    def kind(self) -> str:
-        """The command that acts, ``servo_cp`` or ``hold``; empty if neither does."""
-        return self._kind
-
     def goal(self, now_ns: int) -> pin.SE3 | None:
         """Return the pose commanded at a time (ns), or None; end a ``servo_cp`` that timed out."""
-        if self._kind == SERVO and now_ns - self._received_ns > self.timeout_ns:
+        if self.kind == SERVO and now_ns - self._received_ns > self.timeout_ns:
             self.end(f"{SERVO} is lost")
         return self._goal
 
@@ -151,7 +147,7 @@ class PoseCommands:
 
     def forget(self) -> None:
         """End the pose command without calling ``ended``."""
-        self._goal, self._kind = None, ""
+        self._goal, self.kind = None, ""
 
     def give_way(self, now_ns: int) -> None:
         """End a ``hold`` because a ``servo_cf`` has arrived.
@@ -161,7 +157,7 @@ class PoseCommands:
         """
         if self.goal(now_ns) is None:
             return
-        if self._kind == SERVO:
+        if self.kind == SERVO:
             raise InvalidInputError("servo_cf", f"while {SERVO} is obeyed", ONE_KIND)
         self.end()
 
@@ -176,15 +172,15 @@ class PoseCommands:
         self._check_allowed(SERVO, now_ns)
         check_in_world(message.header.frame_id)
         checked_stamp(message.header, now_ns, self._actor.age_limit_ns, unstamped_is_now=True)
-        self._goal, self._kind = read_framed_pose(message, self._actor.limits), SERVO
+        self._goal, self.kind = read_framed_pose(message, self._actor.limits), SERVO
         self._received_ns = now_ns
 
     def _on_hold(self, message: Empty, now_ns: int) -> None:
         del message
         self._check_kind(HOLD, now_ns)
         self._check_allowed(HOLD, now_ns)
-        if self._kind != HOLD:
-            self._goal, self._kind = self._pose(), HOLD
+        if self.kind != HOLD:
+            self._goal, self.kind = self._pose(), HOLD
 
     def _on_free(self, message: Empty, now_ns: int) -> None:
         del message
@@ -376,13 +372,13 @@ class DeviceDriver(ClockedActor[D]):
     """
 
     def __init__(self, node: Host, parameters: D) -> None:
-        self._poses: PoseCommands | None = None
         super().__init__(node, parameters)
+        self._limit(parameters)
         self.side = DeviceSide(self.scene, self._limits)
         self._users = OtherUsers(self)
         self.loop = self._new_loop()
         self.answers = Answers(self.loop)
-        self.device: SimulatedDevice = self.new_device()
+        self.device = self.new_device()
         self._push: Array = NO_WRENCH
         # servo_cf, and the time of the sample that it answers, ns.
         self._command: Standing[tuple[Array, int]] = Standing()
@@ -476,14 +472,16 @@ class DeviceDriver(ClockedActor[D]):
     def apply_parameters(self, parameters: D) -> None:
         """Replace the parameters; new timeouts and limits apply from now on."""
         super().apply_parameters(parameters)
+        self._limit(parameters)
+        self.side.envelope.limit(self._limits)
+        self._servo = PositionServo(self.scene.device, self.period_s, self._limits)
+        self._poses.timeout_ns = self.timeout_ns
+
+    def _limit(self, parameters: D) -> None:
         device = self.scene.device
         self._limits = limits_of(parameters, device, self.period_s)
         self.command_timeout = command_timeout_of(parameters, device, self.period_s)
         self.timeout_ns = self.silence_ns(self.command_timeout)
-        if self._poses is not None:
-            self.side.envelope.limit(self._limits)
-            self._servo = PositionServo(self.scene.device, self.period_s, self._limits)
-            self._poses.timeout_ns = self.timeout_ns
 
     def validate_parameters(self, parameters: D) -> None:
         """Raise for limits or timeouts less safe than the scene's."""
@@ -570,7 +568,7 @@ class DeviceDriver(ClockedActor[D]):
         acting, before = self._command.value, self._command.before
         if gain is None or clock is None or acting is None or before is None or self.lockstep:
             return False
-        posed = self._poses is not None and self._poses.goal(now) is not None
+        posed = self._poses.goal(now) is not None
         waits = self.backlog.owed or self._last_valid.resting or self._let_go_unpublished or posed
         alone = self.loop.others is None
         reported = self._obeyed_form is DEVICE_COMMAND and self.answers.obeys and alone
@@ -639,7 +637,7 @@ class DeviceDriver(ClockedActor[D]):
 
     def _publish_view(self, stamp_ns: int) -> None:
         self._let_go_unpublished = False
-        self.node.exchange.publish_views()
+        self.node.exchange.turn.publish_views()
         pushed = self.device.sensed(self._push)
         self.publish_view(self._state, pushed, self.side.passivity, stamp_ns)
 
@@ -658,8 +656,7 @@ class DeviceDriver(ClockedActor[D]):
         sample = _sample_of(state, pushed)
         self._view.publish(state, sample[_HAND_WRENCH], stamp_ns)
         self._view.publish_energy(account, sample, stamp_ns)
-        if self._poses is not None:
-            self._poses.publish(stamp_ns)
+        self._poses.publish(stamp_ns)
 
     def _move(self, command: Array | None) -> None:
         held, ticks = self.held, self._ticks_held
@@ -670,7 +667,7 @@ class DeviceDriver(ClockedActor[D]):
         """Return whether the device renders, a sentence, and figures."""
         now, counts = self.now_ns(), self.side.envelope.counts
         fault = self._fault() or self._operating.withheld
-        posed = self._poses.kind if self._poses is not None else ""
+        posed = self._poses.kind
         rendering = not fault and (bool(posed) or self._command.fresh(now, self.timeout_ns))
         doing = f"pulled to a pose by {posed}" if posed else "rendering"
         sentence = doing if rendering else f"{fault or 'no commands'}: actuators at zero"
@@ -703,11 +700,10 @@ class DeviceDriver(ClockedActor[D]):
         Also lets the hand take hold or go accordingly. Arguments as :meth:`steps` yields them.
         """
         fault = self._refusal(now_ns)
-        poses = self._poses
-        if poses is not None and (goal := poses.goal(now_ns)) is not None:
+        if (goal := self._poses.goal(now_ns)) is not None:
             if not fault:
                 return self._pull(goal)
-            poses.end(fault)
+            self._poses.end(fault)
         if self.lockstep:
             answer = self._answer_of(self.answered_ns(now_ns)) if self._ticks >= 2 else NO_WRENCH
             if fault:
@@ -807,8 +803,7 @@ class DeviceDriver(ClockedActor[D]):
         The hand lets go; in lockstep it remains held for the whole run.
         """
         self._command.clear()
-        if self._poses is not None:
-            self._poses.forget()
+        self._poses.forget()
         if self.lockstep:
             self.side.envelope.stop()
         else:
@@ -867,8 +862,7 @@ class DeviceDriver(ClockedActor[D]):
             self._obeyed_form = form
         self.ages.add(now_ns - stamp_ns)
         self._look_at_fault(now_ns)
-        if self._poses is not None:
-            self._poses.give_way(now_ns)
+        self._poses.give_way(now_ns)
         if self.lockstep:
             self._commands.put(wrench, stamp_ns)
         elif not self.answers.is_next(stamp_ns, now_ns):
@@ -887,7 +881,7 @@ class DeviceDriver(ClockedActor[D]):
 
     def _refusal(self, now_ns: int) -> str:
         """Return why no command is obeyed, a fault or a request; empty if commands are."""
-        deaf = DEAF if self.node.exchange.is_deaf else ""
+        deaf = DEAF if self.node.exchange.turn.is_deaf else ""
         withheld = self._operating.withheld
         return self._guard.fault(now_ns) or self.unavailable() or withheld or deaf
 

@@ -184,7 +184,7 @@ class DeviceTicks(PlainMessages):
             loop.energies,
             self._trips,
             self.ages,
-            actor.node.exchange.listened,
+            actor.node.exchange.turn.listened,
         )
 
     def did(self, code: int, reads: int) -> None:
@@ -218,9 +218,8 @@ class HapticDevice(DeviceDriver[DeviceParameters]):
     fastest: Array
 
     def __init__(self, node: Host, parameters: DeviceParameters) -> None:
-        self._hand: HandWrenches | None = None
-        self._wait_for_start = parameters.wait_for_start
         super().__init__(node, parameters)
+        self._wait_for_start = parameters.wait_for_start
         motion = self.scene.device.motion
         self.fastest = np.array([motion.speed, motion.angular_speed])
         node.keep(node.create_service(Trigger, START_HAND, self._on_start_hand))
@@ -247,18 +246,16 @@ class HapticDevice(DeviceDriver[DeviceParameters]):
 
     def pushed(self, deadline_ns: int) -> Array:
         """Return others' pushes (6,), by topics, N and N m, world axes at the point held."""
-        return NO_WRENCH if self._hand is None else self._hand.at(deadline_ns)
+        return self._hand.at(deadline_ns)
 
     def apply_parameters(self, parameters: DeviceParameters) -> None:
         """Take new parameters: the timeouts count from now on."""
         super().apply_parameters(parameters)
-        if self._hand is not None:
-            self._hand.apply_parameters(parameters)
+        self._hand.apply_parameters(parameters)
 
     def activate(self) -> None:
         """Begin where the device is, without a hand; in lockstep, held from the start."""
-        if self._hand is not None:
-            self._hand.forget()
+        self._hand.forget()
         super().activate()
         self.wait_by(self._plain)
 
@@ -276,7 +273,7 @@ class HapticDevice(DeviceDriver[DeviceParameters]):
             state: (107,) to fill, of the device.
             model: (108,) to fill: how commands depend on the device.
         """
-        pushed = self._hand is None or self._hand.pushes(self.now_ns())
+        pushed = self._hand.pushes(self.now_ns())
         # The hand is to take hold, once it need not wait.
         free = self.held is None and not self._wait_for_start
         return not (pushed or free) and super().plainly(link, commands, state, model)
@@ -288,13 +285,11 @@ class HapticDevice(DeviceDriver[DeviceParameters]):
 
     def ready(self, deadline_ns: int) -> bool:
         """Return whether the command to act on, and the hand's wrench if awaited, are there."""
-        received = self._hand is not None and self._hand.ready(deadline_ns)
-        return received and super().ready(deadline_ns)
+        return self._hand.ready(deadline_ns) and super().ready(deadline_ns)
 
     def figures(self, now_ns: int) -> Mapping[str, str]:
         """Return the hand, and the names of pushes, for diagnostics."""
-        pushes = {} if self._hand is None else self._hand.figures(now_ns)
-        return {"hand": self.parameters.hand, **pushes}
+        return {"hand": self.parameters.hand, **self._hand.figures(now_ns)}
 
     def _on_start_hand(
         self, request: Trigger.Request, response: Trigger.Response

@@ -245,10 +245,6 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
     phase = 0.5
 
     def __init__(self, node: Host, parameters: MechanismParameters) -> None:
-        self._ports: list[PointPort] = []
-        self._listened: ExternalWrenches | None = None
-        self._asked: str | None = None
-        self._plain: MechanismTicks | None = None
         super().__init__(node, parameters)
         self.simulator = Simulator(self.scene)
         self._mechanism = self.simulator.mechanism
@@ -282,6 +278,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._publish_closures = self.output(CLOSURES, UInt8MultiArray, LATCHED)
         self._ports = [PointPort(self, name, self.act) for name in names]
         self._contact_port = ContactPort(self, [contact.name for contact in self.scene.contacts])
+        self._listened: ExternalWrenches | None = None
         if not parameters.require_external_wrench:
             self._listened = self._listen_to_wrenches(names)
         self._grasps = OperationalPoints(
@@ -300,6 +297,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             at_zero=self._rest,
         )
         offer_closures(self, self._closures, self._switch)
+        self._plain: MechanismTicks | None = None
         # If a kernel can step this mechanism without Python.
         if len(held) == 1 and not parameters.require_external_wrench:
             self._plain = MechanismTicks(self, self._layout, self._publish_wire)
@@ -312,7 +310,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             port.set_timeout(self._timeout_ns)
         if self._listened is not None:
             self._listened.set_timeout(nanoseconds(parameters.external_timeout))
-        if self._asked is not None and parameters.grasp != self._asked:
+        if parameters.grasp != self._asked:
             self._asked = parameters.grasp
             self._grasp(self._asked_for(parameters))
 
@@ -481,7 +479,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         if state.active != self._announced:
             self._announce_closures()
         if self._ticks % self.view_every == 0:
-            self.node.exchange.publish_views()
+            self.node.exchange.turn.publish_views()
             self.prepare_view(state, external, deadline_ns)()
         self._ticks += 1
 

@@ -292,7 +292,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
             self._transmit(state, found.analysis)
         self._publish_model.publish(self._encoder.encode(model.message.values))
         if self.analyses % self.view_every == 0:
-            self.node.exchange.publish_views()
+            self.node.exchange.turn.publish_views()
             self.publish_view(found.analysis, count)
         self.analyses += 1
 

@@ -38,14 +38,15 @@ class CouplingGuard:
         self._watched: dict[str, Sources] = {}
         self._warned = False
 
-    def watch(self, topic: str) -> Sources | None:
+    def watch(self, topic: str) -> Sources:
         """Return the ``Sources`` of a topic, to be notified of its messages' origins.
 
-        None in lockstep, where awaited messages are never dropped.
+        In lockstep it is not looked at: awaited messages are never dropped there.
         """
-        if self._actor.lockstep:
-            return None
-        return self._watched.setdefault(topic, self._actor.sources(topic))
+        sources = self._actor.sources(topic)
+        if not self._actor.lockstep:
+            self._watched[topic] = sources
+        return sources
 
     def doubtful(self, now_ns: int) -> list[str]:
         """Return the topics that must not be used now, and log when the first of them comes."""

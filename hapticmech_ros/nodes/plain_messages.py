@@ -492,7 +492,7 @@ class PlainMessages:
         row = topic.sending
         number, sent, left = outlet.number, row.sent, bool(row.left)
         lane.note_sent(number, sent)
-        outlet.note_published(row.number - left)
+        outlet.published = row.number - left
         if not (left or row.unsent):
             return
         message = self._bytes(topic.frame, row.length)

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property, partial
+from functools import partial
 
 import numpy as np
 from std_msgs.msg import Float64MultiArray
@@ -189,6 +189,7 @@ class TeleoperationController(Actor[ControllerParameters]):
 
     Attributes:
         bounds: of received numbers.
+        path: the connection to the device.
         side: the rendering controller.
         motion: checks whether samples are possible motions of the device.
         engagements, grasps: how often it engaged, and how often the grasp moved while engaged.
@@ -200,9 +201,12 @@ class TeleoperationController(Actor[ControllerParameters]):
     longest_wait_ns = 5_000_000
 
     def __init__(self, node: Host, parameters: ControllerParameters) -> None:
+        super().__init__(node, parameters)
         self._clutch: Clutch | None = None
         self._epoch_ns = 0
-        super().__init__(node, parameters)
+        self._control = ControlArchitecture(self.scene)
+        self.path = DevicePath(self.scene, node.get_logger().warning)
+        self.apply_parameters(parameters)
         self.bounds = reading_bounds(self.limits)
         self._grasp = b""
         self.side = self._new_side()
@@ -264,15 +268,6 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._plain = SampleAnswers(self, device, analyser, outputs, self._crtk.streams)
         self._log = EngagementLog(node.get_logger, self.now_ns)
         node.every(PERIOD_S, self._log.report_counts, self._log.has_counts)
-
-    @cached_property
-    def _control(self) -> ControlArchitecture:
-        return ControlArchitecture(self.scene)
-
-    @cached_property
-    def path(self) -> DevicePath:
-        """The connection to the device."""
-        return DevicePath(self.scene, self.node.get_logger().warning)
 
     @property
     def _tuned(self) -> Controller:
@@ -346,8 +341,7 @@ class TeleoperationController(Actor[ControllerParameters]):
     def reset(self) -> None:
         """Disengage, send zero to both sides, and restart with new controllers and accounts."""
         self._clutch = self._arrived = None
-        # Created on next use.
-        self.__dict__.pop("_control", None)
+        self._control = ControlArchitecture(self.scene)
         self.apply_parameters(self.parameters)
         self.side = self._new_side()
         self._devices, self._models = Stamped(), Stamped()

@@ -327,7 +327,6 @@ class SceneViewer(SceneSubscriber[ViewerParameters]):
     parameters_type = ViewerParameters
 
     def __init__(self, node: Host, parameters: ViewerParameters) -> None:
-        self._drawn_rate = parameters.marker_rate
         super().__init__(node, parameters)
         self._placer = Placer(self.mechanism)
         self._hulls = Hulls(self.scene)
@@ -351,11 +350,10 @@ class SceneViewer(SceneSubscriber[ViewerParameters]):
 
     def apply_parameters(self, parameters: ViewerParameters) -> None:
         """Take new parameters; a new rate counts from now on."""
+        is_new_rate = parameters.marker_rate != self.parameters.marker_rate
         super().apply_parameters(parameters)
-        if parameters.marker_rate != self._drawn_rate:
-            self._drawn_rate = parameters.marker_rate
-            if self.clock is not None:
-                self.begin(self.now_ns())
+        if is_new_rate and self.clock is not None:
+            self.begin(self.now_ns())
 
     def deactivate(self) -> None:
         """Leave an empty picture, and unsubscribe."""
@@ -365,7 +363,7 @@ class SceneViewer(SceneSubscriber[ViewerParameters]):
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
         """Return whether all topics with subscribers can be drawn."""
-        fresh = self.now_ns() - self._last_ns < self._timeout_ns + NANOSECONDS
+        fresh = self.now_ns() - self._last_ns < self.timeout_ns + NANOSECONDS
         sentence = "drawing" if fresh else f"nothing on {STATE.name}"
         if not self._wanted:
             sentence = "no subscribers"
@@ -378,7 +376,7 @@ class SceneViewer(SceneSubscriber[ViewerParameters]):
         self._wanted = self._outputs.looked_at()
         self.inputs.listen(self._wanted)
         now = self.now_ns()
-        received = self.inputs.now(now, self._timeout_ns)
+        received = self.inputs.now(now, self.timeout_ns)
         if received is None:
             return
         state, outputs = received.state, self._outputs
