@@ -50,7 +50,7 @@ from hapticmech_ros.nodes.sources import STOPPED, CommandGuard, Sources
 from hapticmech_ros.nodes.timeouts import COMMAND, Losses, plain_timeout_ns, timeout_of
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DeviceSample
-from hapticmech_ros.numerics.quaternions import quaternion_of, turned
+from hapticmech_ros.numerics.quaternions import turned
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.wire.bounds import message_bounds
@@ -163,9 +163,8 @@ class PoseCommands:
 
     def publish(self, stamp_ns: int) -> None:
         """Publish the commanded pose, if there is one."""
-        if self._goal is not None and self._setpoint.wanted:
-            place = self._goal.translation.tolist(), quaternion_of(self._goal.rotation).tolist()
-            self._setpoint.publish(encode_pose((*place[0], *place[1]), stamp_ns))
+        if self._goal is not None:
+            self._setpoint.offer(encode_pose, pin.SE3ToXYZQUAT(self._goal).tolist(), stamp_ns)
 
     def _on_servo(self, message: PoseStamped, now_ns: int) -> None:
         self._check_kind(SERVO, now_ns)
@@ -251,20 +250,13 @@ class DeviceView:
             time_ns: stamp, ns.
         """
         pose, twist, applied = state.measured_pose, state.measured_twist, state.applied
-        if self._publish_hand.wanted:
-            self._publish_hand.publish(encode_wrench(hand_wrench, time_ns))
-        if self._publish_force.wanted:
-            self._publish_force.publish(encode_wrench(applied, time_ns))
-        if self._publish_twist.wanted:
-            self._publish_twist.publish(encode_twist(twist.tolist(), time_ns))
-        if self._publish_setpoint.wanted:
-            self._publish_setpoint.publish(encode_wrench(applied, time_ns))
-        if self._publish_joints.wanted:
-            self._publish_joints.publish(self._coordinates(pose, twist, applied, time_ns))
+        self._publish_hand.offer(encode_wrench, hand_wrench, time_ns)
+        self._publish_force.offer(encode_wrench, applied, time_ns)
+        self._publish_twist.offer(encode_twist, twist.tolist(), time_ns)
+        self._publish_setpoint.offer(encode_wrench, applied, time_ns)
+        self._publish_joints.offer(self._coordinates, pose, twist, applied, time_ns)
         # Last of the sample: a controller that uses CRTK only answers the pose.
-        if self._publish_pose.wanted:
-            place = *pose.translation.tolist(), *quaternion_of(pose.rotation).tolist()
-            self._publish_pose.publish(encode_pose(place, time_ns))
+        self._publish_pose.offer(encode_pose, pin.SE3ToXYZQUAT(pose).tolist(), time_ns)
 
     def _coordinates(self, pose: pin.SE3, twist: Array, applied: Array, time_ns: int) -> bytes:
         """Return the serialized coordinates, their rates, and the power-conjugate efforts."""

@@ -173,6 +173,11 @@ class Outlet:
         else:
             self.publish_bytes(message)
 
+    def offer(self, encode: Callable[..., Any], *arguments: Any) -> None:
+        """Publish ``encode(*arguments)``, a message or its bytes, if anybody receives it."""
+        if self.wanted:
+            self.publish(encode(*arguments))
+
     def publish_bytes(self, message: bytes) -> None:
         """Send a serialized message over the lane, the middleware or both, to all subscribers."""
         with self._lock:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 from geometry_msgs.msg import WrenchStamped
@@ -635,11 +635,9 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         time_ns: int,
     ) -> None:
         self._operating.publish(self.node.active)
-        joints = b""
-        if self._publish_joints.wanted or any(port.wants_joints for port in self._ports):
-            joints = self._joints.encode(q, state.v.tolist(), (), time_ns)
-        if self._publish_joints.wanted and joints:
-            self._publish_joints.publish(joints)
+        # Encoded once for all outlets, if any.
+        joints = cache(partial(self._joints.encode, q, state.v.tolist(), (), time_ns))
+        self._publish_joints.offer(joints)
         for port, point, force in zip(self._ports, points, external, strict=True):
             # Joints may be within their limits while a point far out on a link is beyond those of
             # messages: this raises, as its state could not be published.

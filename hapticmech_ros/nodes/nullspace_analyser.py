@@ -365,15 +365,11 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
             (self._publish_inertia, found.inverse_inertia),
             (self._publish_projector, found.constraint_projector),
         ):
-            if outlet.wanted:
-                outlet.publish(encode_matrix("row", "column", matrix))
+            outlet.offer(encode_matrix, "row", "column", matrix)
         if self._publish_wrenches.wanted:
             wrenches = np.zeros((6, count))
             if count:
                 wrenches[found.rows] = found.spectrum.wrenches[:, -count:]
             self._publish_wrenches.publish(encode_matrix("wrench", "constraint", wrenches))
-        if self._publish_spectrum.wanted:
-            mu = found.spectrum.mu.reshape(-1, 1)
-            self._publish_spectrum.publish(encode_matrix("mu", "value", mu))
-        if self._publish_count.wanted:
-            self._publish_count.publish(encode_byte(count))
+        self._publish_spectrum.offer(encode_matrix, "mu", "value", found.spectrum.mu.reshape(-1, 1))
+        self._publish_count.offer(encode_byte, count)

@@ -44,7 +44,7 @@ from hapticmech_ros.nodes.loop import (
     StopRequest,
     wait_for_messages,
 )
-from hapticmech_ros.nodes.messages import message_class, wait_until_acknowledged
+from hapticmech_ros.nodes.messages import message_class, set_stamp, wait_until_acknowledged
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 
 Message = tuple[str, int, bytes]
@@ -358,7 +358,7 @@ class BagPlayerNode(QuietEventsNode):
         period = round(NANOSECONDS / self._options.clock_hz)
         self._next_clock_ns += (1 + (now - self._next_clock_ns) // period) * period
         message = Clock()
-        message.clock.sec, message.clock.nanosec = divmod(self.timeline.bag_ns(now), NANOSECONDS)
+        set_stamp(message.clock, self.timeline.bag_ns(now))
         self._clock_out.publish(message)
 
     def wait_s(self, message: Message) -> float:

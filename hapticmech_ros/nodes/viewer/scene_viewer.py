@@ -26,11 +26,10 @@ from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.nodes.actor import Actor, Host
 from hapticmech_ros.nodes.exchange import Outlet
-from hapticmech_ros.nodes.messages import LATCHED, WORLD, set_stamp, write_wrench
+from hapticmech_ros.nodes.messages import LATCHED, WORLD, fill_pose, set_stamp, wrench_message
 from hapticmech_ros.nodes.parameters import FROM_NAMESPACE, ViewerParameters
 from hapticmech_ros.nodes.viewer.scene_inputs import Received, SceneSubscriber
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.quaternions import quaternion_of
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.view import (
     JointStates,
@@ -128,20 +127,6 @@ def transform_message(frame: NamedTransform, time_ns: int, prefix: str = "") -> 
     return message
 
 
-def wrench_in(frame: str, wrench: Array, time_ns: int) -> WrenchStamped:
-    """Return a wrench (6,), axes of ``world``, stamped in a frame that has those axes.
-
-    Args:
-        frame: its name.
-        wrench: (6,) N and N m.
-        time_ns: its stamp, ns.
-    """
-    message = WrenchStamped()
-    write_wrench(message, wrench, time_ns)
-    message.header.frame_id = frame
-    return message
-
-
 def prefixed(name: str, prefix: str) -> str:
     """Return the frame's name with ``prefix``; ``world`` has no prefix."""
     return name if name == WORLD else prefix + name
@@ -155,9 +140,7 @@ def _header(marker: Marker, time_ns: int) -> Marker:
 
 def _pose(pose: pin.SE3) -> Pose:
     message = Pose()
-    place, turn = message.position, message.orientation
-    place.x, place.y, place.z = pose.translation.tolist()
-    turn.x, turn.y, turn.z, turn.w = quaternion_of(pose.rotation).tolist()
+    fill_pose(message, pose)
     return message
 
 
@@ -298,9 +281,8 @@ class SceneOutputs:
     def _show_wrench(
         self, topic: str, point: str, frame: str, wrench: Array | None, time_ns: int
     ) -> None:
-        publisher = self._wrenches[topic, point]
-        if wrench is not None and publisher.wanted:
-            publisher.publish(wrench_in(frame, wrench, time_ns))
+        if wrench is not None:
+            self._wrenches[topic, point].offer(wrench_message, wrench, time_ns, frame)
 
     def _transforms(self, frames: Sequence[NamedTransform], time_ns: int) -> list[TransformStamped]:
         return [transform_message(frame, time_ns, self._prefix) for frame in frames]
