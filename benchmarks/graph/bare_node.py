@@ -27,7 +27,7 @@ from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.loop import (
     StopRequest,
     prepare_loops,
-    print_report,
+    print_line,
     run_until,
     wake_up_in_time,
 )
@@ -214,7 +214,7 @@ def run(names: Sequence[str], arguments: Sequence[str]) -> None:
     try:
         run_until(stop, nodes, begun=prepare_loops)
         for node in nodes:
-            print_report(node)
+            print_line(node.final_report())
     finally:
         for node in nodes:
             node.destroy_node()

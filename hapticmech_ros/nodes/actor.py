@@ -409,6 +409,20 @@ class Actor(Generic[P]):
     def validate_parameters(self, parameters: P) -> None:
         """Raise a HapticMechError for new parameters that do not fit the scene."""
 
+    def refuse_in_lockstep(self, what: str, given: object, verb: str = "change") -> None:
+        """Refuse what would make a run in lockstep another one.
+
+        Args:
+            what: its name.
+            given: for it.
+            verb: what it cannot do, in words.
+
+        Raises:
+            InvalidInputError: in lockstep.
+        """
+        if self.lockstep:
+            raise InvalidInputError(what, given, f"cannot {verb} in lockstep, whose runs repeat")
+
     def activate(self) -> None:
         """Begin to act; messages received before are discarded."""
 

@@ -177,7 +177,6 @@ class ControllerOutputs:
         self.to_gain = actor.output(DEVICE_GAIN, Float64MultiArray)
         # Of the hands whose wrenches the device gets at once; None if it gets none.
         self._coupling = CouplingWire(actor.other_points, actor.limits)
-        self._coupling_encoder = FlatArray(self._coupling.fields, self._coupling.bounds)
         self._publish_coupling: Outlet | None = None
         if actor.other_points:
             self._publish_coupling = actor.output(DEVICE_COUPLING, Float64MultiArray)
@@ -234,8 +233,8 @@ class ControllerOutputs:
             stamp_ns: of the sample that is answered.
         """
         if self._publish_coupling is not None:
-            published = self._coupling.pack(CouplingMatrices(stamp_ns, gains))
-            self._publish_coupling.publish(self._coupling_encoder.encode(published))
+            published = CouplingMatrices(stamp_ns, gains)
+            self._publish_coupling.publish(self._coupling.encode(published))
 
     def device(self, wrench: Array, stamp_ns: int) -> None:
         """Publish the device's command.

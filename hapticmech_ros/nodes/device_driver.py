@@ -35,7 +35,7 @@ from hapticmech_ros.nodes.actor import (
     LastValidState,
 )
 from hapticmech_ros.nodes.buttons import ButtonOutput
-from hapticmech_ros.nodes.inputs import NEVER, Stamped, Standing
+from hapticmech_ros.nodes.inputs import NEVER, Standing
 from hapticmech_ros.nodes.local_loop import FRESH_NS, Answers, LocalLoop
 from hapticmech_ros.nodes.messages import (
     STREAM_PUBLISHER,
@@ -187,9 +187,7 @@ class PoseCommands:
         self.end()
 
     def _check_kind(self, word: str, now_ns: int) -> None:
-        if self._actor.lockstep:
-            rule = "cannot be commanded in lockstep, whose runs repeat"
-            raise InvalidInputError(word, "a command", rule)
+        self._actor.refuse_in_lockstep(word, "a command", "be commanded")
         if self._wrenches(now_ns):
             raise InvalidInputError(word, "while servo_cf is obeyed", ONE_KIND)
 
@@ -374,7 +372,8 @@ class DeviceDriver(ClockedActor[D]):
         self._push: Array = NO_WRENCH
         # servo_cf, and the time of the sample that it answers, ns.
         self._command: Standing[tuple[Array, int]] = Standing()
-        self._commands: Stamped[Array] = Stamped()
+        # In lockstep, by the stamp of the sample that is answered, ns.
+        self._commands: dict[int, Array] = {}
         self._state: DeviceState = self.device.at_rest(self._start_pose())
         self._last_valid = LastValidState(self._state, self.period_s)
         self.held: DeviceState | None = None
@@ -514,10 +513,10 @@ class DeviceDriver(ClockedActor[D]):
         answered = self.answered_ns(deadline_ns)
         if self._ticks < 2:
             return True
-        known = self._commands.has(answered)
+        known = answered in self._commands
         if not self.is_local:
             return known
-        corrected = self.loop.gains.has(answered)
+        corrected = answered in self.loop.gains
         return (
             known and corrected and self.loop.knows_others(answered, deadline_ns - self.period_ns)
         )
@@ -701,7 +700,7 @@ class DeviceDriver(ClockedActor[D]):
             if fault:
                 self.side.envelope.stop()
                 return None
-            return self._safe(answer)
+            return self._safe(answer, self.loop.to_mechanism)
         received_ns = self._command.as_of(now_ns)[1]
         fresh = now_ns - received_ns <= self.timeout_ns
         if fault:
@@ -717,7 +716,8 @@ class DeviceDriver(ClockedActor[D]):
         if not self.answers.begin(answered_ns, now_ns):
             return None
         self.take_hold()
-        return self._safe(self.loop.correct(command, answered_ns, now_ns))
+        corrected = self.loop.correct(command, answered_ns, now_ns)
+        return self._safe(corrected, self.loop.to_mechanism)
 
     def take_hold(self) -> None:
         """Let the hand take hold of the device, unless it has."""
@@ -731,9 +731,8 @@ class DeviceDriver(ClockedActor[D]):
         self.take_hold()
         state = self._state
         wrench = self._servo.wrench(goal, state.measured_pose, state.measured_twist)
-        added = self.device.compensation(state)
         # None: the servo's energy is the device's, not a mechanism's.
-        return self.side.allow(wrench, self._sample(), state.applied, None, added)
+        return self._safe(wrench, None)
 
     def _obeys_wrenches(self, now_ns: int) -> bool:
         """Return whether servo_cf is obeyed at a time, ns."""
@@ -749,14 +748,14 @@ class DeviceDriver(ClockedActor[D]):
 
     def _answer_of(self, answered_ns: int) -> Array:
         """Return the command that answers a sample, in lockstep."""
-        command = self._commands.take(answered_ns)
+        command = self._commands.pop(answered_ns)
         if not self.is_local:
             return command
         return self.loop.correct_in_lockstep(command, answered_ns)
 
-    def _safe(self, command: Array) -> Array:
-        """Return a command made passive and within all limits."""
-        state, reported = self._state, self.loop.to_mechanism
+    def _safe(self, command: Array, reported: float | None) -> Array:
+        """Return a command made passive and within all limits; ``reported``: E_m, J, if known."""
+        state = self._state
         added = self.device.compensation(state)
         return self.side.allow(command, self._sample(), state.applied, reported, added)
 
@@ -856,7 +855,7 @@ class DeviceDriver(ClockedActor[D]):
         self._look_at_fault(now_ns)
         self._poses.give_way(now_ns)
         if self.lockstep:
-            self._commands.put(wrench, stamp_ns)
+            self._commands[stamp_ns] = wrench
         elif not self.answers.is_next(stamp_ns, now_ns):
             self._command.renew(now_ns)  # the controller is alive, but a newer command is obeyed
             return

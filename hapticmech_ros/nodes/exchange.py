@@ -54,13 +54,8 @@ class Publishes(Protocol):
         """Return the number of matched subscriptions, those of this process included."""
 
 
-class Meets(Protocol):
-    """The part of an actor's ``Failures`` that is used here."""
-
-    def met(self, what: str, error: Exception) -> None:
-        """Log an error, then reset the actor or deactivate its node."""
-
-
+# An actor's ``Failures.met``.
+Meet = Callable[[str, Exception], None]
 # Of all nodes with one thread: it does nothing.
 _ALONE = Turn()
 
@@ -358,21 +353,21 @@ class Exchange:
         """Whether callbacks are queued for :meth:`taken`."""
         return bool(self._deferred)
 
-    def run_view(self, failures: Meets, publish: Callable[[], None]) -> None:
+    def run_view(self, meet: Meet, publish: Callable[[], None]) -> None:
         """Publish a view; :meth:`meet_failures` handles an error.
 
         Args:
-            failures: of the actor.
+            meet: handles an error of the actor.
             publish: publishes the view.
         """
         try:
             publish()
         except Exception as error:  # noqa: BLE001 - as in Failures.run
-            self.fail_view(failures, error)
+            self.fail_view(meet, error)
 
-    def fail_view(self, failures: Meets, error: Exception) -> None:
+    def fail_view(self, meet: Meet, error: Exception) -> None:
         """Have :meth:`meet_failures` handle the error of a view; arguments as there."""
-        self._failed.append(partial(failures.met, "view", error))
+        self._failed.append(partial(meet, "view", error))
 
     def meet_failures(self) -> None:
         """Handle the errors of views: each resets its actor or deactivates its node."""

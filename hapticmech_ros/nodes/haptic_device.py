@@ -33,7 +33,6 @@ from hapticmech_ros.nodes.actor import Actor, Host
 from hapticmech_ros.nodes.device_driver import DeviceDriver
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.external_wrenches import ExternalWrenches
-from hapticmech_ros.nodes.inputs import Stamped
 from hapticmech_ros.nodes.local_loop import NO_GAIN
 from hapticmech_ros.nodes.parameters import DeviceParameters
 from hapticmech_ros.nodes.plain_messages import (
@@ -70,7 +69,8 @@ class HandWrenches:
         self._rotation = rotation
         self._go_on = go_on
         self._external: ExternalWrenches | None = None
-        self._awaited: Stamped[Array] = Stamped()
+        # By stamp, ns.
+        self._awaited: dict[int, Array] = {}
         if actor.lockstep and actor.parameters.hand == "commanded":
             qos = actor.control_input
             actor.input_command(HAND_WRENCH.name, qos, self._on_awaited, unstamped_is_now=False)
@@ -93,12 +93,12 @@ class HandWrenches:
 
     def ready(self, deadline_ns: int) -> bool:
         """Return whether the inputs of a tick in lockstep are there."""
-        return self._external is not None or self._awaited.has(deadline_ns)
+        return self._external is not None or deadline_ns in self._awaited
 
     def at(self, now_ns: int) -> Array:
         """Return the wrench (6,) from now on, N and N m, axes of the world."""
         if self._external is None:
-            return self._awaited.take(now_ns)
+            return self._awaited.pop(now_ns)
         return self._external.at(now_ns, self._rotation_of).get("hand", NO_WRENCH)
 
     def pushes(self, now_ns: int) -> bool:
@@ -113,7 +113,7 @@ class HandWrenches:
         return np.eye(3) if frame == "device_world" else self._rotation()
 
     def _on_awaited(self, wrench: Array, stamp_ns: int, now_ns: int) -> None:
-        self._awaited.put(wrench, stamp_ns)
+        self._awaited[stamp_ns] = wrench
         self._go_on(now_ns)
 
 

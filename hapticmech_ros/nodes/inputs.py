@@ -179,25 +179,6 @@ class Standing(Latest[T]):
 
 
 @dataclass(slots=True)
-class Stamped(Generic[T]):
-    """Values by their time (ns): lockstep takes exactly the one it needs."""
-
-    values: dict[int, T] = field(default_factory=dict)
-
-    def put(self, value: T, stamp_ns: int) -> None:
-        """Keep a value until it is taken."""
-        self.values[stamp_ns] = value
-
-    def has(self, stamp_ns: int) -> bool:
-        """Return whether the value for a time is there."""
-        return stamp_ns in self.values
-
-    def take(self, stamp_ns: int) -> T:
-        """Return the value for a time, and forget it."""
-        return self.values.pop(stamp_ns)
-
-
-@dataclass(slots=True)
 class ExpiringWrench:
     """A wrench command that is ramped to zero when it is not renewed.
 

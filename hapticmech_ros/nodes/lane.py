@@ -180,26 +180,23 @@ class Outgoing:
     def send(self, frame: bytes) -> bool:
         """Send or keep a frame; return False if the connection is closed."""
         with self._lock:
-            return self._send(frame)
-
-    def _send(self, frame: bytes) -> bool:
-        behind = self._behind
-        if behind:
-            self._keep(behind, frame)
-            return self._flush(behind)
-        try:
-            self.connection.send(frame)
-        except BlockingIOError:
-            self._full_ns = self._full_ns or time.monotonic_ns()
-            if behind is None:
-                self.lost += 1
-            else:
+            behind = self._behind
+            if behind:
                 self._keep(behind, frame)
-        except OSError:
-            return False
-        else:
-            self._full_ns = 0
-        return True
+                return self._flush(behind)
+            try:
+                self.connection.send(frame)
+            except BlockingIOError:
+                self._full_ns = self._full_ns or time.monotonic_ns()
+                if behind is None:
+                    self.lost += 1
+                else:
+                    self._keep(behind, frame)
+            except OSError:
+                return False
+            else:
+                self._full_ns = 0
+            return True
 
     @property
     def wants_all(self) -> bool:

@@ -24,7 +24,7 @@ from hapticmech_ros.mechanism.constraint_space import PointKinematics
 from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.exchange import Outlet
-from hapticmech_ros.nodes.inputs import NEVER, ExpiringWrench, InOrder, Stamped
+from hapticmech_ros.nodes.inputs import NEVER, ExpiringWrench, InOrder
 from hapticmech_ros.nodes.messages import (
     COMMAND_SUBSCRIBER,
     LATCHED,
@@ -85,8 +85,8 @@ class PointPort:
         self._twist_bounds = twist_bounds(actor.limits)
         self.order = InOrder()
         self.command = ExpiringWrench(0, 0)
-        self.commands: Stamped[Array] = Stamped()
-        self.awaited: Stamped[Array] = Stamped()
+        self.commands: dict[int, Array] = {}
+        self.awaited: dict[int, Array] = {}
         self._publish_pose = actor.view(POINT_POSE, PoseStamped, name)
         self._publish_twist = actor.view(POINT_TWIST, TwistStamped, name)
         self._publish_force = actor.view(POINT_FORCE, WrenchStamped, name)
@@ -104,11 +104,7 @@ class PointPort:
 
     def received(self, now_ns: int) -> bool:
         """Return whether commands of one controller are received."""
-        return self.command.received(now_ns) and not self.fault(now_ns)
-
-    def fault(self, now_ns: int) -> str:
-        """Return a sentence that names two publishers of commands; empty if there are none."""
-        return self.controllers.fault(now_ns)
+        return self.command.received(now_ns) and not self.controllers.fault(now_ns)
 
     def forget(self) -> None:
         """Forget commands, and their publishers."""
@@ -153,16 +149,16 @@ class PointPort:
 
     def _on_command(self, wrench: Array, stamp_ns: int, now_ns: int) -> None:
         self._actor.ages.add(now_ns - stamp_ns)
-        if self.fault(now_ns):
+        if self.controllers.fault(now_ns):
             self.command.clear()
         elif self._actor.lockstep or self.order.is_next(stamp_ns, now_ns):
             self.command.put(wrench if stamp_ns > self.since_ns else np.zeros(6), now_ns)
         if self._actor.lockstep:
-            self.commands.put(wrench, stamp_ns)
+            self.commands[stamp_ns] = wrench
             self._go_on(now_ns)
 
     def _on_awaited(self, wrench: Array, stamp_ns: int, now_ns: int) -> None:
-        self.awaited.put(wrench, stamp_ns)
+        self.awaited[stamp_ns] = wrench
         self._go_on(now_ns)
 
 

@@ -181,7 +181,6 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         self.grasp = flat_grasp(self.scene, self.analyser.point)
         self._publish_model = self.output(POINT_MODEL, Float64MultiArray)
         self._coupling = CouplingWire(self.other_points, self.limits)
-        self._transmission_encoder = FlatArray(self._coupling.fields, self._coupling.bounds)
         self._publish_transmission: Outlet | None = None
         if self.other_points:
             self._publish_transmission = self.output(TRANSMISSION, Float64MultiArray)
@@ -317,8 +316,8 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
             matrices: Y_ij (6, 6) by operational point; 1, m and 1/m, world axes.
         """
         if self._publish_transmission is not None:
-            packed = self._coupling.pack(CouplingMatrices(stamp_ns, matrices))
-            self._publish_transmission.publish(self._transmission_encoder.encode(packed))
+            published = CouplingMatrices(stamp_ns, matrices)
+            self._publish_transmission.publish(self._coupling.encode(published))
 
     def _place(self, name: str, grasp: Array) -> None:
         """Move another operational point to the place published by the mechanism."""

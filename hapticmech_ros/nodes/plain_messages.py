@@ -393,11 +393,11 @@ class PlainMessages:
         return turn.view(self._view())
 
     def _view(self) -> Callable[[], None]:
-        exchange, failures = self._actor.node.exchange, self._actor.failures
+        exchange, meet = self._actor.node.exchange, self._actor.failures.met
         try:
-            return partial(exchange.run_view, failures, self.view())
+            return partial(exchange.run_view, meet, self.view())
         except Exception as error:  # noqa: BLE001 - as in run_view
-            return partial(exchange.fail_view, failures, error)
+            return partial(exchange.fail_view, meet, error)
 
     @property
     def has_news(self) -> bool:

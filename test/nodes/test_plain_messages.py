@@ -1173,7 +1173,7 @@ def test_what_a_device_says_beside_its_samples_needs_no_python(
     codes.clear()
     assert sources.latest.sent == sent + 20
     assert sources.latest.number == 0
-    assert not actor._rivals(controller.host.now_ns())
+    assert not actor._fault(controller.host.now_ns())
     # The copy is known by the message's bytes.
     speak(both=True)
     assert lane_kernels.TO_READ in codes

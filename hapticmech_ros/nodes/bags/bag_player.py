@@ -40,6 +40,7 @@ from hapticmech_ros.errors import BagError, HapticMechError, check_positive
 from hapticmech_ros.nodes.bags.recorded_topic import adapted_offer
 from hapticmech_ros.nodes.loop import (
     LONGEST_WAIT_S,
+    SHORTEST_WAIT_S,
     QuietEventsNode,
     StopRequest,
     wait_for_messages,
@@ -244,7 +245,6 @@ def _some(messages: Iterator[Message]) -> tuple[list[Message], BagError | None]:
 
 
 CLOCK = "/clock"
-SHORTEST_WAIT_S = 20e-6
 SHORT_WAIT_S = 0.01
 # Messages published in one go when late, before services and keys get their turn.
 LONGEST_BURST = 200

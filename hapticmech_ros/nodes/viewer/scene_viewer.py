@@ -199,8 +199,8 @@ class SceneOutputs:
         self._tf_type: Any = tf_type
         self._publish_tf: Outlet | None = None
         if tf_type is not None:
-            self._publish_tf = self._tf_publisher(TF, BURST_PUBLISHER)
-            self._publish_tf_static = self._tf_publisher(TF_STATIC, STATIC_PUBLISHER)
+            self._publish_tf = actor.output_named(TF, tf_type, BURST_PUBLISHER)
+            self._publish_tf_static = actor.output_named(TF_STATIC, tf_type, STATIC_PUBLISHER)
         self.show_fixed_frames(actor.now_ns())
 
     def looked_at(self) -> bool:
@@ -286,9 +286,6 @@ class SceneOutputs:
 
     def _transforms(self, frames: Sequence[NamedTransform], time_ns: int) -> list[TransformStamped]:
         return [transform_message(frame, time_ns, self._prefix) for frame in frames]
-
-    def _tf_publisher(self, name: str, qos: QoSProfile) -> Outlet:
-        return self._actor.output_named(name, self._tf_type, qos)
 
 
 def installed_tf_type() -> Any | None:
