@@ -32,7 +32,7 @@ from hapticmech_ros.nodes.loop import (
     wake_up_in_time,
 )
 from hapticmech_ros.nodes.messages import (
-    COMMAND_SUBSCRIBER,
+    CONTROL_SUBSCRIBER,
     LATCHED,
     STREAM_PUBLISHER,
     message_class,
@@ -95,7 +95,7 @@ class BareNode(Node):
             for heard in self._names(topic) if name in topic.subscribers else ():
                 kind, raw = message_class(topic.type), topic.type == ARRAY
                 self.create_subscription(
-                    kind, heard, self._hearer(topic), COMMAND_SUBSCRIBER, raw=raw
+                    kind, heard, self._hearer(topic), CONTROL_SUBSCRIBER, raw=raw
                 )
         self._say(self._outputs_at("change"), 0)
         self._diagnostics = self.create_publisher(

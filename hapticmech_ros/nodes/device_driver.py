@@ -366,8 +366,7 @@ class DeviceDriver(ClockedActor[D]):
         self._limit(parameters)
         self.side = DeviceSide(self.scene, self._limits)
         self._users = OtherUsers(self)
-        self.loop = self._new_loop()
-        self.answers = Answers(self.loop)
+        self._begin_loop()
         self.device = self.new_device()
         self._push: Array = NO_WRENCH
         # servo_cf, and the time of the sample that it answers, ns.
@@ -448,12 +447,12 @@ class DeviceDriver(ClockedActor[D]):
         """
         return NO_WRENCH
 
-    def _new_loop(self) -> LocalLoop:
+    def _begin_loop(self) -> None:
         paired = self.is_local and self.scene.connection.networked
         others = self._users.begin()
-        return LocalLoop(
-            self.period_s, message_bounds(LocalFeedbackGain, self.limits), paired, others
-        )
+        bounds = message_bounds(LocalFeedbackGain, self.limits)
+        self.loop = LocalLoop(self.period_s, bounds, paired, others)
+        self.answers = Answers(self.loop)
 
     @property
     def is_local(self) -> bool:
@@ -484,8 +483,7 @@ class DeviceDriver(ClockedActor[D]):
         self._command.clear()
         self._guard.forget()
         # Earlier stamps are not comparable if the clock was set.
-        self.loop = self._new_loop()
-        self.answers = Answers(self.loop)
+        self._begin_loop()
         self._state = self.device.at_rest(self._state.pose, self.lockstep, self._state.home)
         self.side.envelope.place(self._state.published[:3])
         self.side.begin()

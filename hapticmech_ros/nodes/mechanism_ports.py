@@ -26,7 +26,7 @@ from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.inputs import NEVER, ExpiringWrench, InOrder
 from hapticmech_ros.nodes.messages import (
-    COMMAND_SUBSCRIBER,
+    CONTROL_SUBSCRIBER,
     LATCHED,
     WORLD,
     read_framed_pose,
@@ -84,7 +84,7 @@ class PointPort:
         self._pose_bounds = pose_bounds(actor.limits)
         self._twist_bounds = twist_bounds(actor.limits)
         self.order = InOrder()
-        self.command = ExpiringWrench(0, 0)
+        self.command = ExpiringWrench()
         self.commands: dict[int, Array] = {}
         self.awaited: dict[int, Array] = {}
         self._publish_pose = actor.view(POINT_POSE, PoseStamped, name)
@@ -263,7 +263,7 @@ class OperationalPoints:
         for name in mechanism.point_names:
             self._outlets.append(actor.output(OPERATIONAL_POINT, PoseStamped, LATCHED, point=name))
             accept = partial(self._on_grasp, name)
-            actor.input(SET_OPERATIONAL_POINT.of(name), PoseStamped, COMMAND_SUBSCRIBER, accept)
+            actor.input(SET_OPERATIONAL_POINT.of(name), PoseStamped, CONTROL_SUBSCRIBER, accept)
 
     def announce(self) -> None:
         """Publish the place of every operational point."""

@@ -56,12 +56,10 @@ STREAM_PUBLISHER = QoSProfile(
 # publisher that leaves, Fast DDS 2.14 goes on counting messages as unread that newer ones replaced,
 # and for each message that comes rclpy's events executor looks for as many as are unread. With a
 # history of 1 the analyser took three times as much of a processor after 24 restarts of a second
-# mechanism; with 5 it does not.
+# mechanism; with 5 it does not. Best effort connects to best-effort publishers of commands too.
 CONTROL_SUBSCRIBER = QoSProfile(
     history=HistoryPolicy.KEEP_LAST, depth=5, reliability=ReliabilityPolicy.BEST_EFFORT
 )
-# Commands of other nodes: best effort connects to reliable and best-effort publishers.
-COMMAND_SUBSCRIBER = CONTROL_SUBSCRIBER
 # State that changes rarely: a late subscriber gets the last value.
 LATCHED = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,

@@ -293,7 +293,7 @@ class PlainMessages:
             self._hearers.append(hearers)
             topic.targets[: len(numbers)], row.hearers = numbers, len(hearers)
             row.number = outlet.published
-            row.sent = lane.sent(outlet.number)
+            row.sent = lane.sent[outlet.number]
             row.unsent = row.left = 0
         return True
 
@@ -491,7 +491,7 @@ class PlainMessages:
         """
         row = topic.sending
         number, sent, left = outlet.number, row.sent, bool(row.left)
-        lane.note_sent(number, sent)
+        lane.sent[number] = sent
         outlet.published = row.number - left
         if not (left or row.unsent):
             return

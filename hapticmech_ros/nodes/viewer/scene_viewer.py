@@ -17,7 +17,7 @@ from typing import Any
 
 import pinocchio as pin
 from geometry_msgs.msg import Point, Pose, TransformStamped, WrenchStamped
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import ColorRGBA, String
 from visualization_msgs.msg import Marker, MarkerArray
@@ -146,10 +146,6 @@ def _pose(pose: pin.SE3) -> Pose:
 
 # One message per frame goes out at once: a reader has to get all of them.
 BURST_PUBLISHER = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
-# QoS that tf's listeners expect of /tf_static: the last value for late subscribers.
-STATIC_PUBLISHER = QoSProfile(
-    depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
-)
 TF, TF_STATIC = "/tf", "/tf_static"
 
 
@@ -200,7 +196,8 @@ class SceneOutputs:
         self._publish_tf: Outlet | None = None
         if tf_type is not None:
             self._publish_tf = actor.output_named(TF, tf_type, BURST_PUBLISHER)
-            self._publish_tf_static = actor.output_named(TF_STATIC, tf_type, STATIC_PUBLISHER)
+            # tf's listeners expect the last value, also late ones.
+            self._publish_tf_static = actor.output_named(TF_STATIC, tf_type, LATCHED)
         self.show_fixed_frames(actor.now_ns())
 
     def looked_at(self) -> bool:
