@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import typer
-from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from geometry_msgs.msg import PoseStamped, TwistStamped
 from rclpy.serialization import serialize_message
 
 from benchmarks.push import LONGEST_S, WAY, time_alone
@@ -26,7 +26,7 @@ from hapticmech_ros import Simulator, load_scene
 from hapticmech_ros.analysis.study import Sheet
 from hapticmech_ros.cli import run_app
 from hapticmech_ros.loading.loader import copy_scene
-from hapticmech_ros.nodes.messages import set_stamp, write_pose, write_wrench
+from hapticmech_ros.nodes.messages import set_stamp, wrench_message, write_pose
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.quaternions import turned
 from hapticmech_ros.wire.cdr import decode
@@ -186,9 +186,7 @@ class _Trial:
             if name == "measured_cv":
                 self._put(name, self._twist(now))
                 continue
-            message = WrenchStamped()
-            write_wrench(message, values[name], now)
-            self._put(name, message)
+            self._put(name, wrench_message(values[name], now))
         place = PoseStamped()
         write_pose(place, pose, now)
         self._put("measured_cp", place)

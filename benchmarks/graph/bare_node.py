@@ -27,12 +27,12 @@ from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.loop import (
     StopRequest,
     prepare_loops,
-    print_report,
+    print_line,
     run_until,
     wake_up_in_time,
 )
 from hapticmech_ros.nodes.messages import (
-    COMMAND_SUBSCRIBER,
+    CONTROL_SUBSCRIBER,
     LATCHED,
     STREAM_PUBLISHER,
     message_class,
@@ -95,7 +95,7 @@ class BareNode(Node):
             for heard in self._names(topic) if name in topic.subscribers else ():
                 kind, raw = message_class(topic.type), topic.type == ARRAY
                 self.create_subscription(
-                    kind, heard, self._hearer(topic), COMMAND_SUBSCRIBER, raw=raw
+                    kind, heard, self._hearer(topic), CONTROL_SUBSCRIBER, raw=raw
                 )
         self._say(self._outputs_at("change"), 0)
         self._diagnostics = self.create_publisher(
@@ -214,7 +214,7 @@ def run(names: Sequence[str], arguments: Sequence[str]) -> None:
     try:
         run_until(stop, nodes, begun=prepare_loops)
         for node in nodes:
-            print_report(node)
+            print_line(node.final_report())
     finally:
         for node in nodes:
             node.destroy_node()

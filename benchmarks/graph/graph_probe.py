@@ -12,7 +12,8 @@ import sys
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 
-from hapticmech_ros.nodes.loop import watch, write_progress
+from benchmarks.watching import watch
+from hapticmech_ros.nodes.loop import write_progress
 from hapticmech_ros.nodes.messages import RECORDER_SUBSCRIBER, stamp_ns
 from hapticmech_ros.wire.topics import DIAGNOSTICS
 

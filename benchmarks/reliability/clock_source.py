@@ -15,7 +15,8 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock as ClockMessage
 
-from hapticmech_ros.nodes.loop import wake_up_in_time, watch
+from benchmarks.watching import watch
+from hapticmech_ros.nodes.loop import wake_up_in_time
 from hapticmech_ros.numerics.times import NANOSECONDS
 
 

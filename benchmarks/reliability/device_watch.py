@@ -18,7 +18,8 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray
 
-from hapticmech_ros.nodes.loop import watch, write_progress
+from benchmarks.watching import watch
+from hapticmech_ros.nodes.loop import write_progress
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.messages import DeviceEnergy, DeviceStateMessage
 

@@ -21,7 +21,8 @@ from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
-from hapticmech_ros.nodes.loop import wake_up_in_time, watch, write_progress
+from benchmarks.watching import watch
+from hapticmech_ros.nodes.loop import wake_up_in_time, write_progress
 from hapticmech_ros.nodes.messages import CONTROL_SUBSCRIBER, STREAM_PUBLISHER, WORLD
 from hapticmech_ros.wire import topics
 from hapticmech_ros.wire.bounds import read

@@ -24,8 +24,9 @@ from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
 from benchmarks.reliability.sample import COMMAND, DEVICE, MECHANISM, POINT_MODEL, Ring
+from benchmarks.watching import watch
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.nodes.loop import wake_up_in_time, watch, write_progress
+from hapticmech_ros.nodes.loop import wake_up_in_time, write_progress
 from hapticmech_ros.nodes.messages import RECORDER_SUBSCRIBER
 from hapticmech_ros.nodes.realtime import Realtime, Request
 from hapticmech_ros.nodes.sources import Info, WithInfo

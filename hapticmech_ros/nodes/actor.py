@@ -383,7 +383,8 @@ class Actor(Generic[P]):
         self.ages = DurationHistogram()
         self.durations = {"message_age": self.ages}
         self._outlets: dict[str, Outlet] = {}
-        self.apply_parameters(parameters)
+        # Not a subclass's: what that applies parameters to is made after this.
+        Actor.apply_parameters(self, parameters)
 
     @property
     def other_points(self) -> list[str]:
@@ -407,6 +408,20 @@ class Actor(Generic[P]):
 
     def validate_parameters(self, parameters: P) -> None:
         """Raise a HapticMechError for new parameters that do not fit the scene."""
+
+    def refuse_in_lockstep(self, what: str, given: object, verb: str = "change") -> None:
+        """Refuse what would make a run in lockstep another one.
+
+        Args:
+            what: its name.
+            given: for it.
+            verb: what it cannot do, in words.
+
+        Raises:
+            InvalidInputError: in lockstep.
+        """
+        if self.lockstep:
+            raise InvalidInputError(what, given, f"cannot {verb} in lockstep, whose runs repeat")
 
     def activate(self) -> None:
         """Begin to act; messages received before are discarded."""
@@ -619,57 +634,27 @@ class Actor(Generic[P]):
         sources: Sources | None = None,
     ) -> None:
         """Subscribe to a topic's serialized messages, over the lane and by the middleware."""
-        node = self.node
-        callback: Callable[..., None] = self.guarded(name, read)
+        node, watched = self.node, sources or self.sources(name)
+        callback = self.guarded(name, read)
+
+        def receive(message: bytes, origin: Origin) -> None:
+            watched.received(origin, self.now_ns())
+            callback(message)
+
         # In lockstep by the middleware only: late messages there are waited for, not dropped.
+        had = None
         if not self.lockstep:
-            callback = self._handed_over(name, message_type, callback, sources)
-        elif sources is not None:
-            callback = self._watched(sources, callback)
-        node.keep(node.create_subscription(message_type, name, callback, qos, raw=True))
+            had = node.hand_over(node.resolve_topic_name(name), message_type, receive)
 
-    def _handed_over(
-        self,
-        name: str,
-        message_type: Any,
-        callback: Callable[[bytes], None],
-        sources: Sources | None,
-    ) -> Callable[..., None]:
-        """Subscribe on the lane, and return the callback for the middleware's messages."""
-
-        def handed(message: bytes, origin: Origin) -> None:
-            if sources is not None:
-                sources.received(origin, self.now_ns())
-            callback(message)
-
-        had = self.node.hand_over(self.node.resolve_topic_name(name), message_type, handed)
-        if sources is not None:
-            return self._watched(sources, callback, had)
-
-        def from_outside(message: bytes) -> None:
-            if not had(message):
-                callback(message)
-
-        return from_outside
-
-    def _watched(
-        self,
-        sources: Sources,
-        callback: Callable[[M], None],
-        had: Callable[[M], bool] = lambda message: False,
-    ) -> WithInfo:
-        """Return a callback that drops copies, and reports other messages to ``sources`` first."""
-
-        def receive(message: M, info: Info) -> None:
+        def receive_from_middleware(message: bytes, info: Info) -> None:
             number = info["publication_sequence_number"]
-            if had(message):
-                sources.copied(number, self.now_ns())
+            if had is not None and had(message):
+                watched.copied(number, self.now_ns())
                 return
-            origin = Origin(MIDDLEWARE, number, sent_ns=info.get("source_timestamp", 0))
-            sources.received(origin, self.now_ns())
-            callback(message)
+            receive(message, Origin(MIDDLEWARE, number, sent_ns=info.get("source_timestamp", 0)))
 
-        return WithInfo(receive)
+        given = WithInfo(receive_from_middleware)
+        node.keep(node.create_subscription(message_type, name, given, qos, raw=True))
 
 
 class ClockedActor(Actor[P]):

@@ -23,7 +23,7 @@ from sensor_msgs.msg import Joy
 from std_srvs.srv import SetBool
 
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.nodes.messages import LATCHED, WORLD, set_stamp, stamp_ns
+from hapticmech_ros.nodes.messages import LATCHED, WORLD, set_stamp, seven_of, stamp_ns, three_of
 from hapticmech_ros.nodes.sources import Info, WithInfo
 from hapticmech_ros.nodes.timeouts import ZERO_FORCE
 from hapticmech_ros.numerics import Array
@@ -160,7 +160,7 @@ class DriverTest:
         poses = [message for _, message in received]
         rate = len(poses) / _LOOK
         yield Check(f"measured_cp at {_SLOWEST:g} Hz or more", f"{rate:.0f} Hz", rate >= _SLOWEST)
-        numbers = np.array([_seven(message) for message in poses]).reshape(-1, 7)
+        numbers = np.array([seven_of(message.pose) for message in poses]).reshape(-1, 7)
         away = np.abs(np.linalg.norm(numbers[:, 3:], axis=1) - 1.0)
         norm = float(away.max()) if len(poses) else np.nan
         sound = bool(np.isfinite(numbers).all()) and norm < 1e-3
@@ -177,8 +177,8 @@ class DriverTest:
 
     def _check_twists(self, start: float) -> Check:
         rule = "measured_cv is the rate of measured_cp"
-        twists = [_three(message.twist.linear) for _, message in _since(self._twists, start)]
-        poses = [(stamp_ns(m.header), _seven(m)[:3]) for _, m in _since(self._poses, start)]
+        twists = [three_of(message.twist.linear) for _, message in _since(self._twists, start)]
+        poses = [(stamp_ns(m.header), seven_of(m.pose)[:3]) for _, m in _since(self._poses, start)]
         if not twists or len(poses) < 2:
             return Check(rule, "there is no measured_cv: it is made from the poses", None)
         velocity = np.mean(twists, axis=0)
@@ -195,8 +195,10 @@ class DriverTest:
     def _check_motion(self, start: float) -> Check:
         """Check positions and speeds against a hand's, to detect other units."""
         rule = f"it moves within {_FARTHEST:g} m, at {_FASTEST:g} m/s at most"
-        poses = np.array([_seven(m)[:3] for _, m in _since(self._poses, start)]).reshape(-1, 3)
-        twists = [_three(message.twist.linear) for _, message in _since(self._twists, start)]
+        poses = np.array([seven_of(m.pose)[:3] for _, m in _since(self._poses, start)]).reshape(
+            -1, 3
+        )
+        twists = [three_of(message.twist.linear) for _, message in _since(self._twists, start)]
         if not len(poses):
             return Check(rule, "there are no poses", None)
         moved = float(np.linalg.norm(poses - poses[0], axis=1).max())
@@ -298,18 +300,9 @@ def _since(received: _Received, start: float) -> _Received:
     return [one for one in received if one[0] >= start]
 
 
-def _three(vector: Any) -> tuple[float, float, float]:
-    return vector.x, vector.y, vector.z
-
-
 def _force(message: WrenchStamped) -> Array:
-    return np.array(_three(message.wrench.force))
+    return np.array(three_of(message.wrench.force))
 
 
 def _is_force(message: WrenchStamped) -> bool:
     return bool(np.linalg.norm(_force(message)) > _NONE)
-
-
-def _seven(message: PoseStamped) -> tuple[float, ...]:
-    q = message.pose.orientation
-    return (*_three(message.pose.position), q.x, q.y, q.z, q.w)

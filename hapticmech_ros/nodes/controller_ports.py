@@ -8,21 +8,24 @@ the hands' wrenches, and their account.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.control import DeviceMeasurement
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.loop_delay import DelayFollower, admissible_round_trip, made_for
 from hapticmech_ros.control.measurements import flat_device
+from hapticmech_ros.control.rendering_controller import ControllerCommand
 from hapticmech_ros.device.state import NO_WRENCH
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes.actor import Actor
+from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.inputs import NEVER, InOrder, Latest, SampleAge
 from hapticmech_ros.nodes.messages import (
     CONTROL_SUBSCRIBER,
@@ -31,50 +34,41 @@ from hapticmech_ros.nodes.messages import (
     read_framed_pose,
     read_twist,
     read_wrench,
+    wrench_message,
 )
 from hapticmech_ros.nodes.parameters import ControllerParameters
 from hapticmech_ros.nodes.sources import Sources
 from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.layout import ControllerEnergies
 from hapticmech_ros.numerics.quaternions import turned
-from hapticmech_ros.numerics.times import NANOSECONDS
+from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.wire.bounds import SixBounds, message_bounds
-from hapticmech_ros.wire.messages import ControllerEnergy, DeviceStateMessage, LocalFeedbackGain
-from hapticmech_ros.wire.topics import (
-    DEVICE_BODY_FORCE,
-    DEVICE_FORCE,
-    DEVICE_POSE,
-    DEVICE_TWIST,
-    HAND_FORCE,
-)
-
-if TYPE_CHECKING:
-    from hapticmech_ros.device.real_device import HandObserver, TwistEstimate
-from collections.abc import Mapping
-
-from std_msgs.msg import Float64MultiArray
-
-from hapticmech_ros.control.rendering_controller import ControllerCommand
-from hapticmech_ros.nodes.exchange import Outlet
-from hapticmech_ros.nodes.messages import write_wrench
-from hapticmech_ros.numerics.layout import ControllerEnergies
-from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.layouts import CouplingMatrices, CouplingWire
+from hapticmech_ros.wire.messages import ControllerEnergy, DeviceStateMessage, LocalFeedbackGain
 from hapticmech_ros.wire.stamped import nearest_stamp
 from hapticmech_ros.wire.topics import (
     CHANNEL_PART,
     CONSTRAINT_PART,
     CONTROLLER_ENERGY,
     DEVICE_BODY_COMMAND,
+    DEVICE_BODY_FORCE,
     DEVICE_COMMAND,
     DEVICE_COUPLING,
+    DEVICE_FORCE,
     DEVICE_GAIN,
+    DEVICE_POSE,
+    DEVICE_TWIST,
+    HAND_FORCE,
     IMPEDANCE_PART,
     POINT_COMMAND,
 )
 from hapticmech_ros.wire.wrench import encode_wrench
+
+if TYPE_CHECKING:
+    from hapticmech_ros.device.real_device import HandObserver, TwistEstimate
 
 PERIOD_S = 1.0
 _PERIOD_NS = round(PERIOD_S * NANOSECONDS)
@@ -183,7 +177,6 @@ class ControllerOutputs:
         self.to_gain = actor.output(DEVICE_GAIN, Float64MultiArray)
         # Of the hands whose wrenches the device gets at once; None if it gets none.
         self._coupling = CouplingWire(actor.other_points, actor.limits)
-        self._coupling_encoder = FlatArray(self._coupling.fields, self._coupling.bounds)
         self._publish_coupling: Outlet | None = None
         if actor.other_points:
             self._publish_coupling = actor.output(DEVICE_COUPLING, Float64MultiArray)
@@ -240,8 +233,8 @@ class ControllerOutputs:
             stamp_ns: of the sample that is answered.
         """
         if self._publish_coupling is not None:
-            published = self._coupling.pack(CouplingMatrices(stamp_ns, gains))
-            self._publish_coupling.publish(self._coupling_encoder.encode(published))
+            published = CouplingMatrices(stamp_ns, gains)
+            self._publish_coupling.publish(self._coupling.encode(published))
 
     def device(self, wrench: Array, stamp_ns: int) -> None:
         """Publish the device's command.
@@ -257,10 +250,7 @@ class ControllerOutputs:
         """Publish the same in the device's own axes, to a driver that is commanded in them."""
         axes = None if self._publish_own is None else self._axes()
         if self._publish_own is not None and axes is not None:
-            message = WrenchStamped()
-            write_wrench(message, turned(wrench, axes.T), stamp_ns)
-            message.header.frame_id = ""
-            self._publish_own.publish(message)
+            self._publish_own.publish(wrench_message(turned(wrench, axes.T), stamp_ns, frame=""))
 
     def view(self, wrenches: Array, stamp_ns: int, energies: ControllerEnergies) -> None:
         """Publish, at view rate, the parts of an answer (6, 6), rows 2 to 4, and energies.
@@ -271,7 +261,7 @@ class ControllerOutputs:
             energies: of the controllers.
         """
         if self.answers % self._actor.view_every == 0:
-            self._actor.node.exchange.publish_views()
+            self._actor.node.exchange.turn.publish_views()
             self.publish_view(wrenches, stamp_ns, energies)
         self.answers += 1
 
@@ -284,8 +274,7 @@ class ControllerOutputs:
             energies: of the controllers.
         """
         for outlet, wrench in zip(self._publish_parts, wrenches[2:5], strict=True):
-            if outlet.wanted:
-                outlet.publish(encode_wrench(wrench, stamp_ns))
+            outlet.offer(encode_wrench, wrench, stamp_ns)
         if self._publish_energy.wanted:
             message = ControllerEnergy.of(stamp_ns, energies=energies.values)
             self._publish_energy.publish(self._energy.encode(message.values))

@@ -35,7 +35,7 @@ from hapticmech_ros.nodes.actor import (
     LastValidState,
 )
 from hapticmech_ros.nodes.buttons import ButtonOutput
-from hapticmech_ros.nodes.inputs import NEVER, Stamped, Standing
+from hapticmech_ros.nodes.inputs import NEVER, Standing
 from hapticmech_ros.nodes.local_loop import FRESH_NS, Answers, LocalLoop
 from hapticmech_ros.nodes.messages import (
     STREAM_PUBLISHER,
@@ -50,7 +50,7 @@ from hapticmech_ros.nodes.sources import STOPPED, CommandGuard, Sources
 from hapticmech_ros.nodes.timeouts import COMMAND, Losses, plain_timeout_ns, timeout_of
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DeviceSample
-from hapticmech_ros.numerics.quaternions import quaternion_of, turned
+from hapticmech_ros.numerics.quaternions import turned
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.wire.bounds import message_bounds
@@ -107,6 +107,7 @@ class PoseCommands:
         ended: called when a pose command ends, with the reason; empty if ended by another command.
 
     Attributes:
+        kind: the command that acts, ``servo_cp`` or ``hold``; empty if neither does.
         sources: publishers of ``servo_cp``.
         timeout_ns: how long a ``servo_cp`` is valid, ns.
     """
@@ -124,7 +125,7 @@ class PoseCommands:
         self.timeout_ns = 0
         self.sources: Sources = actor.sources(DEVICE_POSE_COMMAND.name)
         self._goal: pin.SE3 | None = None
-        self._kind = ""
+        self.kind = ""
         self._received_ns = NEVER
         self._setpoint = actor.view(DEVICE_POSE_SETPOINT, PoseStamped)
         qos, name = actor.control_input, DEVICE_POSE_COMMAND.name
@@ -132,14 +133,9 @@ class PoseCommands:
         actor.input(DEVICE_HOLD.name, Empty, STREAM_PUBLISHER, self._on_hold)
         actor.input(DEVICE_FREE.name, Empty, STREAM_PUBLISHER, self._on_free)
 
-    @property
-    def kind(self) -> str:
-        """The command that acts, ``servo_cp`` or ``hold``; empty if neither does."""
-        return self._kind
-
     def goal(self, now_ns: int) -> pin.SE3 | None:
         """Return the pose commanded at a time (ns), or None; end a ``servo_cp`` that timed out."""
-        if self._kind == SERVO and now_ns - self._received_ns > self.timeout_ns:
+        if self.kind == SERVO and now_ns - self._received_ns > self.timeout_ns:
             self.end(f"{SERVO} is lost")
         return self._goal
 
@@ -151,7 +147,7 @@ class PoseCommands:
 
     def forget(self) -> None:
         """End the pose command without calling ``ended``."""
-        self._goal, self._kind = None, ""
+        self._goal, self.kind = None, ""
 
     def give_way(self, now_ns: int) -> None:
         """End a ``hold`` because a ``servo_cf`` has arrived.
@@ -161,30 +157,29 @@ class PoseCommands:
         """
         if self.goal(now_ns) is None:
             return
-        if self._kind == SERVO:
+        if self.kind == SERVO:
             raise InvalidInputError("servo_cf", f"while {SERVO} is obeyed", ONE_KIND)
         self.end()
 
     def publish(self, stamp_ns: int) -> None:
         """Publish the commanded pose, if there is one."""
-        if self._goal is not None and self._setpoint.wanted:
-            place = self._goal.translation.tolist(), quaternion_of(self._goal.rotation).tolist()
-            self._setpoint.publish(encode_pose((*place[0], *place[1]), stamp_ns))
+        if self._goal is not None:
+            self._setpoint.offer(encode_pose, pin.SE3ToXYZQUAT(self._goal).tolist(), stamp_ns)
 
     def _on_servo(self, message: PoseStamped, now_ns: int) -> None:
         self._check_kind(SERVO, now_ns)
         self._check_allowed(SERVO, now_ns)
         check_in_world(message.header.frame_id)
         checked_stamp(message.header, now_ns, self._actor.age_limit_ns, unstamped_is_now=True)
-        self._goal, self._kind = read_framed_pose(message, self._actor.limits), SERVO
+        self._goal, self.kind = read_framed_pose(message, self._actor.limits), SERVO
         self._received_ns = now_ns
 
     def _on_hold(self, message: Empty, now_ns: int) -> None:
         del message
         self._check_kind(HOLD, now_ns)
         self._check_allowed(HOLD, now_ns)
-        if self._kind != HOLD:
-            self._goal, self._kind = self._pose(), HOLD
+        if self.kind != HOLD:
+            self._goal, self.kind = self._pose(), HOLD
 
     def _on_free(self, message: Empty, now_ns: int) -> None:
         del message
@@ -192,9 +187,7 @@ class PoseCommands:
         self.end()
 
     def _check_kind(self, word: str, now_ns: int) -> None:
-        if self._actor.lockstep:
-            rule = "cannot be commanded in lockstep, whose runs repeat"
-            raise InvalidInputError(word, "a command", rule)
+        self._actor.refuse_in_lockstep(word, "a command", "be commanded")
         if self._wrenches(now_ns):
             raise InvalidInputError(word, "while servo_cf is obeyed", ONE_KIND)
 
@@ -255,20 +248,13 @@ class DeviceView:
             time_ns: stamp, ns.
         """
         pose, twist, applied = state.measured_pose, state.measured_twist, state.applied
-        if self._publish_hand.wanted:
-            self._publish_hand.publish(encode_wrench(hand_wrench, time_ns))
-        if self._publish_force.wanted:
-            self._publish_force.publish(encode_wrench(applied, time_ns))
-        if self._publish_twist.wanted:
-            self._publish_twist.publish(encode_twist(twist.tolist(), time_ns))
-        if self._publish_setpoint.wanted:
-            self._publish_setpoint.publish(encode_wrench(applied, time_ns))
-        if self._publish_joints.wanted:
-            self._publish_joints.publish(self._coordinates(pose, twist, applied, time_ns))
+        self._publish_hand.offer(encode_wrench, hand_wrench, time_ns)
+        self._publish_force.offer(encode_wrench, applied, time_ns)
+        self._publish_twist.offer(encode_twist, twist.tolist(), time_ns)
+        self._publish_setpoint.offer(encode_wrench, applied, time_ns)
+        self._publish_joints.offer(self._coordinates, pose, twist, applied, time_ns)
         # Last of the sample: a controller that uses CRTK only answers the pose.
-        if self._publish_pose.wanted:
-            place = *pose.translation.tolist(), *quaternion_of(pose.rotation).tolist()
-            self._publish_pose.publish(encode_pose(place, time_ns))
+        self._publish_pose.offer(encode_pose, pin.SE3ToXYZQUAT(pose).tolist(), time_ns)
 
     def _coordinates(self, pose: pin.SE3, twist: Array, applied: Array, time_ns: int) -> bytes:
         """Return the serialized coordinates, their rates, and the power-conjugate efforts."""
@@ -376,17 +362,17 @@ class DeviceDriver(ClockedActor[D]):
     """
 
     def __init__(self, node: Host, parameters: D) -> None:
-        self._poses: PoseCommands | None = None
         super().__init__(node, parameters)
+        self._limit(parameters)
         self.side = DeviceSide(self.scene, self._limits)
         self._users = OtherUsers(self)
-        self.loop = self._new_loop()
-        self.answers = Answers(self.loop)
-        self.device: SimulatedDevice = self.new_device()
+        self._begin_loop()
+        self.device = self.new_device()
         self._push: Array = NO_WRENCH
         # servo_cf, and the time of the sample that it answers, ns.
         self._command: Standing[tuple[Array, int]] = Standing()
-        self._commands: Stamped[Array] = Stamped()
+        # In lockstep, by the stamp of the sample that is answered, ns.
+        self._commands: dict[int, Array] = {}
         self._state: DeviceState = self.device.at_rest(self._start_pose())
         self._last_valid = LastValidState(self._state, self.period_s)
         self.held: DeviceState | None = None
@@ -461,12 +447,12 @@ class DeviceDriver(ClockedActor[D]):
         """
         return NO_WRENCH
 
-    def _new_loop(self) -> LocalLoop:
+    def _begin_loop(self) -> None:
         paired = self.is_local and self.scene.connection.networked
         others = self._users.begin()
-        return LocalLoop(
-            self.period_s, message_bounds(LocalFeedbackGain, self.limits), paired, others
-        )
+        bounds = message_bounds(LocalFeedbackGain, self.limits)
+        self.loop = LocalLoop(self.period_s, bounds, paired, others)
+        self.answers = Answers(self.loop)
 
     @property
     def is_local(self) -> bool:
@@ -476,14 +462,16 @@ class DeviceDriver(ClockedActor[D]):
     def apply_parameters(self, parameters: D) -> None:
         """Replace the parameters; new timeouts and limits apply from now on."""
         super().apply_parameters(parameters)
+        self._limit(parameters)
+        self.side.envelope.limit(self._limits)
+        self._servo = PositionServo(self.scene.device, self.period_s, self._limits)
+        self._poses.timeout_ns = self.timeout_ns
+
+    def _limit(self, parameters: D) -> None:
         device = self.scene.device
         self._limits = limits_of(parameters, device, self.period_s)
         self.command_timeout = command_timeout_of(parameters, device, self.period_s)
         self.timeout_ns = self.silence_ns(self.command_timeout)
-        if self._poses is not None:
-            self.side.envelope.limit(self._limits)
-            self._servo = PositionServo(self.scene.device, self.period_s, self._limits)
-            self._poses.timeout_ns = self.timeout_ns
 
     def validate_parameters(self, parameters: D) -> None:
         """Raise for limits or timeouts less safe than the scene's."""
@@ -495,8 +483,7 @@ class DeviceDriver(ClockedActor[D]):
         self._command.clear()
         self._guard.forget()
         # Earlier stamps are not comparable if the clock was set.
-        self.loop = self._new_loop()
-        self.answers = Answers(self.loop)
+        self._begin_loop()
         self._state = self.device.at_rest(self._state.pose, self.lockstep, self._state.home)
         self.side.envelope.place(self._state.published[:3])
         self.side.begin()
@@ -524,10 +511,10 @@ class DeviceDriver(ClockedActor[D]):
         answered = self.answered_ns(deadline_ns)
         if self._ticks < 2:
             return True
-        known = self._commands.has(answered)
+        known = answered in self._commands
         if not self.is_local:
             return known
-        corrected = self.loop.gains.has(answered)
+        corrected = answered in self.loop.gains
         return (
             known and corrected and self.loop.knows_others(answered, deadline_ns - self.period_ns)
         )
@@ -570,7 +557,7 @@ class DeviceDriver(ClockedActor[D]):
         acting, before = self._command.value, self._command.before
         if gain is None or clock is None or acting is None or before is None or self.lockstep:
             return False
-        posed = self._poses is not None and self._poses.goal(now) is not None
+        posed = self._poses.goal(now) is not None
         waits = self.backlog.owed or self._last_valid.resting or self._let_go_unpublished or posed
         alone = self.loop.others is None
         reported = self._obeyed_form is DEVICE_COMMAND and self.answers.obeys and alone
@@ -639,7 +626,7 @@ class DeviceDriver(ClockedActor[D]):
 
     def _publish_view(self, stamp_ns: int) -> None:
         self._let_go_unpublished = False
-        self.node.exchange.publish_views()
+        self.node.exchange.turn.publish_views()
         pushed = self.device.sensed(self._push)
         self.publish_view(self._state, pushed, self.side.passivity, stamp_ns)
 
@@ -658,8 +645,7 @@ class DeviceDriver(ClockedActor[D]):
         sample = _sample_of(state, pushed)
         self._view.publish(state, sample[_HAND_WRENCH], stamp_ns)
         self._view.publish_energy(account, sample, stamp_ns)
-        if self._poses is not None:
-            self._poses.publish(stamp_ns)
+        self._poses.publish(stamp_ns)
 
     def _move(self, command: Array | None) -> None:
         held, ticks = self.held, self._ticks_held
@@ -670,7 +656,7 @@ class DeviceDriver(ClockedActor[D]):
         """Return whether the device renders, a sentence, and figures."""
         now, counts = self.now_ns(), self.side.envelope.counts
         fault = self._fault() or self._operating.withheld
-        posed = self._poses.kind if self._poses is not None else ""
+        posed = self._poses.kind
         rendering = not fault and (bool(posed) or self._command.fresh(now, self.timeout_ns))
         doing = f"pulled to a pose by {posed}" if posed else "rendering"
         sentence = doing if rendering else f"{fault or 'no commands'}: actuators at zero"
@@ -703,17 +689,16 @@ class DeviceDriver(ClockedActor[D]):
         Also lets the hand take hold or go accordingly. Arguments as :meth:`steps` yields them.
         """
         fault = self._refusal(now_ns)
-        poses = self._poses
-        if poses is not None and (goal := poses.goal(now_ns)) is not None:
+        if (goal := self._poses.goal(now_ns)) is not None:
             if not fault:
                 return self._pull(goal)
-            poses.end(fault)
+            self._poses.end(fault)
         if self.lockstep:
             answer = self._answer_of(self.answered_ns(now_ns)) if self._ticks >= 2 else NO_WRENCH
             if fault:
                 self.side.envelope.stop()
                 return None
-            return self._safe(answer)
+            return self._safe(answer, self.loop.to_mechanism)
         received_ns = self._command.as_of(now_ns)[1]
         fresh = now_ns - received_ns <= self.timeout_ns
         if fault:
@@ -729,7 +714,8 @@ class DeviceDriver(ClockedActor[D]):
         if not self.answers.begin(answered_ns, now_ns):
             return None
         self.take_hold()
-        return self._safe(self.loop.correct(command, answered_ns, now_ns))
+        corrected = self.loop.correct(command, answered_ns, now_ns)
+        return self._safe(corrected, self.loop.to_mechanism)
 
     def take_hold(self) -> None:
         """Let the hand take hold of the device, unless it has."""
@@ -743,9 +729,8 @@ class DeviceDriver(ClockedActor[D]):
         self.take_hold()
         state = self._state
         wrench = self._servo.wrench(goal, state.measured_pose, state.measured_twist)
-        added = self.device.compensation(state)
         # None: the servo's energy is the device's, not a mechanism's.
-        return self.side.allow(wrench, self._sample(), state.applied, None, added)
+        return self._safe(wrench, None)
 
     def _obeys_wrenches(self, now_ns: int) -> bool:
         """Return whether servo_cf is obeyed at a time, ns."""
@@ -761,14 +746,14 @@ class DeviceDriver(ClockedActor[D]):
 
     def _answer_of(self, answered_ns: int) -> Array:
         """Return the command that answers a sample, in lockstep."""
-        command = self._commands.take(answered_ns)
+        command = self._commands.pop(answered_ns)
         if not self.is_local:
             return command
         return self.loop.correct_in_lockstep(command, answered_ns)
 
-    def _safe(self, command: Array) -> Array:
-        """Return a command made passive and within all limits."""
-        state, reported = self._state, self.loop.to_mechanism
+    def _safe(self, command: Array, reported: float | None) -> Array:
+        """Return a command made passive and within all limits; ``reported``: E_m, J, if known."""
+        state = self._state
         added = self.device.compensation(state)
         return self.side.allow(command, self._sample(), state.applied, reported, added)
 
@@ -807,8 +792,7 @@ class DeviceDriver(ClockedActor[D]):
         The hand lets go; in lockstep it remains held for the whole run.
         """
         self._command.clear()
-        if self._poses is not None:
-            self._poses.forget()
+        self._poses.forget()
         if self.lockstep:
             self.side.envelope.stop()
         else:
@@ -867,10 +851,9 @@ class DeviceDriver(ClockedActor[D]):
             self._obeyed_form = form
         self.ages.add(now_ns - stamp_ns)
         self._look_at_fault(now_ns)
-        if self._poses is not None:
-            self._poses.give_way(now_ns)
+        self._poses.give_way(now_ns)
         if self.lockstep:
-            self._commands.put(wrench, stamp_ns)
+            self._commands[stamp_ns] = wrench
         elif not self.answers.is_next(stamp_ns, now_ns):
             self._command.renew(now_ns)  # the controller is alive, but a newer command is obeyed
             return
@@ -887,7 +870,7 @@ class DeviceDriver(ClockedActor[D]):
 
     def _refusal(self, now_ns: int) -> str:
         """Return why no command is obeyed, a fault or a request; empty if commands are."""
-        deaf = DEAF if self.node.exchange.is_deaf else ""
+        deaf = DEAF if self.node.exchange.turn.is_deaf else ""
         withheld = self._operating.withheld
         return self._guard.fault(now_ns) or self.unavailable() or withheld or deaf
 

@@ -18,13 +18,10 @@ from contextlib import contextmanager, suppress
 from functools import cache, partial
 from typing import Any, NamedTuple, Protocol
 
-import numpy as np
-
 from hapticmech_ros.nodes.lane import MOST_BYTES, Arrived, Lane, LaneError
 from hapticmech_ros.nodes.messages import check_finite
 from hapticmech_ros.nodes.sources import BatchListener, Listener
-from hapticmech_ros.nodes.turn import FOR_EVER
-from hapticmech_ros.numerics import Array
+from hapticmech_ros.nodes.turn import Turn
 from hapticmech_ros.numerics.times import NANOSECONDS
 
 # How many messages received over the lane are remembered to recognize the middleware's copies, and
@@ -57,15 +54,10 @@ class Publishes(Protocol):
         """Return the number of matched subscriptions, those of this process included."""
 
 
-class Meets(Protocol):
-    """The part of an actor's ``Failures`` that is used here."""
-
-    def met(self, what: str, error: Exception) -> None:
-        """Log an error, then reset the actor or deactivate its node."""
-
-
-# As for a node with one thread.
-_ALWAYS = np.array([FOR_EVER])
+# An actor's ``Failures.met``.
+Meet = Callable[[str, Exception], None]
+# Of all nodes with one thread: it does nothing.
+_ALONE = Turn()
 
 
 @cache
@@ -127,6 +119,7 @@ class Outlet:
 
     Attributes:
         topic, number: as given.
+        published: number of messages sent through the middleware, those by :attr:`rcl` included.
     """
 
     def __init__(
@@ -144,7 +137,7 @@ class Outlet:
         self.number = number
         self._exchange = exchange
         self._stays = stays
-        self._published = 0
+        self.published = 0
         self._readers = 0
         self._census_ns = -CENSUS_NS
         self._on_lane = 0
@@ -175,6 +168,11 @@ class Outlet:
         else:
             self.publish_bytes(message)
 
+    def offer(self, encode: Callable[..., Any], *arguments: Any) -> None:
+        """Publish ``encode(*arguments)``, a message or its bytes, if anybody receives it."""
+        if self.wanted:
+            self.publish(encode(*arguments))
+
     def publish_bytes(self, message: bytes) -> None:
         """Send a serialized message over the lane, the middleware or both, to all subscribers."""
         with self._lock:
@@ -193,18 +191,9 @@ class Outlet:
             return
         both = self._stays or now < self._settled_ns or self._count(now) > readers
         # Over the lane first, so that a subscriber to both recognizes the middleware's copy.
-        lane.send(self.topic, self.number, self._published + both, message, both)
+        lane.send(self.topic, self.number, self.published + both, message, both)
         if both:
             self.publish_outside(message)
-
-    @property
-    def published(self) -> int:
-        """Number of messages sent through the middleware."""
-        return self._published
-
-    def note_published(self, number: int) -> None:
-        """Set the number of messages sent through the middleware, those by :attr:`rcl` included."""
-        self._published = number
 
     @property
     def rcl(self) -> tuple[int, int]:
@@ -239,7 +228,7 @@ class Outlet:
 
     def publish_outside(self, message: Any) -> None:
         """Send a message, or its bytes, through the middleware, and count it."""
-        self._published += 1
+        self.published += 1
         self.publisher.publish(message)
 
     def _count(self, now: int) -> int:
@@ -274,14 +263,9 @@ class Exchange:
         self._outlets = 0
 
     @property
-    def listened(self) -> Array:
-        """(1,) When the middleware was last polled, ns; see :class:`.turn.Turn`."""
-        return _ALWAYS if self.lane is None else self.lane.turn.listened
-
-    @property
-    def is_deaf(self) -> bool:
-        """Whether the middleware has not been polled for too long."""
-        return self.lane is not None and self.lane.turn.is_deaf
+    def turn(self) -> Turn:
+        """Turn of the node's threads."""
+        return _ALONE if self.lane is None else self.lane.turn
 
     @property
     def settled(self) -> bool:
@@ -302,10 +286,7 @@ class Exchange:
         Args:
             rings: whether to wake the loop afterwards, so that it checks its deadlines.
         """
-        if self.lane is None:
-            yield
-            return
-        turn = self.lane.turn
+        turn = self.turn
         with turn.taken():
             self.settle()
             if turn.is_of_loop:
@@ -332,7 +313,7 @@ class Exchange:
             topic: its full name and type on the lane.
             message: its bytes.
         """
-        if self.lane is None or not self.lane.turn.kernel_runs:
+        if not self.turn.kernel_runs:
             return False
         found, now = self._is_copy(topic, message), time.monotonic_ns()
         if found:
@@ -372,32 +353,27 @@ class Exchange:
         """Whether callbacks are queued for :meth:`taken`."""
         return bool(self._deferred)
 
-    def run_view(self, failures: Meets, publish: Callable[[], None]) -> None:
+    def run_view(self, meet: Meet, publish: Callable[[], None]) -> None:
         """Publish a view; :meth:`meet_failures` handles an error.
 
         Args:
-            failures: of the actor.
+            meet: handles an error of the actor.
             publish: publishes the view.
         """
         try:
             publish()
         except Exception as error:  # noqa: BLE001 - as in Failures.run
-            self.fail_view(failures, error)
+            self.fail_view(meet, error)
 
-    def fail_view(self, failures: Meets, error: Exception) -> None:
+    def fail_view(self, meet: Meet, error: Exception) -> None:
         """Have :meth:`meet_failures` handle the error of a view; arguments as there."""
-        self._failed.append(partial(failures.met, "view", error))
+        self._failed.append(partial(meet, "view", error))
 
     def meet_failures(self) -> None:
         """Handle the errors of views: each resets its actor or deactivates its node."""
         while self._failed:
             with self.taken():
                 self._failed.popleft()()
-
-    def publish_views(self) -> None:
-        """Publish the views queued for the view thread; see :class:`.turn.Turn`."""
-        if self.lane is not None:
-            self.lane.turn.publish_views()
 
     def join_lane(self, environment: Mapping[str, str]) -> None:
         """Open a lane to other nodes, or set ``refusal`` to the reason why not.
@@ -414,8 +390,7 @@ class Exchange:
 
     def ring(self) -> None:
         """Wake the loop's thread."""
-        if self.lane is not None:
-            self.lane.turn.ring()
+        self.turn.ring()
 
     def close(self) -> None:
         """Close the lane."""
@@ -515,8 +490,7 @@ class Exchange:
     @property
     def may_wait(self) -> bool:
         """Whether the calling thread may keep views until the loop has time."""
-        is_of_loop = self.lane is None or self.lane.turn.is_of_loop
-        return is_of_loop and (self.is_linked or self.has_later)
+        return self.turn.is_of_loop and (self.is_linked or self.has_later)
 
     def publish_later(self, outlet: Outlet, message: bytes) -> None:
         """Keep a message until :meth:`publish_one`; if too many are kept, send the oldest now."""

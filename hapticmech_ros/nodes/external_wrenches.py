@@ -22,7 +22,7 @@ from rclpy.subscription import Subscription
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.inputs import ExpiringWrench
-from hapticmech_ros.nodes.messages import COMMAND_SUBSCRIBER, WORLD, checked_stamp, read_wrench
+from hapticmech_ros.nodes.messages import CONTROL_SUBSCRIBER, WORLD, checked_stamp, read_wrench
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.quaternions import turned
 from hapticmech_ros.numerics.times import NANOSECONDS
@@ -185,7 +185,8 @@ class ExternalWrenches:
 
     def _add(self, name: str, body: str, persistent: bool, found: bool) -> None:
         actor = self._actor
-        wrench = ExpiringWrench(0 if persistent else self._timeout_ns, RAMP_NS)
+        timeout_ns = 0 if persistent else self._timeout_ns
+        wrench = ExpiringWrench(timeout_ns=timeout_ns, ramp_ns=RAMP_NS)
 
         def accept(message: WrenchStamped, now_ns: int) -> None:
             checked_stamp(message.header, now_ns, actor.age_limit_ns, unstamped_is_now=True)
@@ -196,6 +197,6 @@ class ExternalWrenches:
             source.wrench.put(read_wrench(message, actor.wrenches, frame), now_ns)
             source.frame = frame
 
-        subscription = actor.input(name, WrenchStamped, COMMAND_SUBSCRIBER, accept)
+        subscription = actor.input(name, WrenchStamped, CONTROL_SUBSCRIBER, accept)
         source = Source(body, persistent, wrench, subscription, found)
         self.sources[name] = source

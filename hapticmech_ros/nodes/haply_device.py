@@ -17,7 +17,7 @@ class HaplyDevice(RealDeviceDriver[HaplyParameters]):
     name = "haply_device"
     parameters_type = HaplyParameters
 
-    def real_device(self) -> RealDevice:
+    def new_device(self) -> RealDevice:
         """Return the Inverse3; connecting begins with the first tick."""
         given = self.parameters
         return Inverse3(

@@ -33,7 +33,6 @@ from hapticmech_ros.nodes.actor import Actor, Host
 from hapticmech_ros.nodes.device_driver import DeviceDriver
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.external_wrenches import ExternalWrenches
-from hapticmech_ros.nodes.inputs import Stamped
 from hapticmech_ros.nodes.local_loop import NO_GAIN
 from hapticmech_ros.nodes.parameters import DeviceParameters
 from hapticmech_ros.nodes.plain_messages import (
@@ -70,7 +69,8 @@ class HandWrenches:
         self._rotation = rotation
         self._go_on = go_on
         self._external: ExternalWrenches | None = None
-        self._awaited: Stamped[Array] = Stamped()
+        # By stamp, ns.
+        self._awaited: dict[int, Array] = {}
         if actor.lockstep and actor.parameters.hand == "commanded":
             qos = actor.control_input
             actor.input_command(HAND_WRENCH.name, qos, self._on_awaited, unstamped_is_now=False)
@@ -93,12 +93,12 @@ class HandWrenches:
 
     def ready(self, deadline_ns: int) -> bool:
         """Return whether the inputs of a tick in lockstep are there."""
-        return self._external is not None or self._awaited.has(deadline_ns)
+        return self._external is not None or deadline_ns in self._awaited
 
     def at(self, now_ns: int) -> Array:
         """Return the wrench (6,) from now on, N and N m, axes of the world."""
         if self._external is None:
-            return self._awaited.take(now_ns)
+            return self._awaited.pop(now_ns)
         return self._external.at(now_ns, self._rotation_of).get("hand", NO_WRENCH)
 
     def pushes(self, now_ns: int) -> bool:
@@ -113,7 +113,7 @@ class HandWrenches:
         return np.eye(3) if frame == "device_world" else self._rotation()
 
     def _on_awaited(self, wrench: Array, stamp_ns: int, now_ns: int) -> None:
-        self._awaited.put(wrench, stamp_ns)
+        self._awaited[stamp_ns] = wrench
         self._go_on(now_ns)
 
 
@@ -184,7 +184,7 @@ class DeviceTicks(PlainMessages):
             loop.energies,
             self._trips,
             self.ages,
-            actor.node.exchange.listened,
+            actor.node.exchange.turn.listened,
         )
 
     def did(self, code: int, reads: int) -> None:
@@ -218,9 +218,8 @@ class HapticDevice(DeviceDriver[DeviceParameters]):
     fastest: Array
 
     def __init__(self, node: Host, parameters: DeviceParameters) -> None:
-        self._hand: HandWrenches | None = None
-        self._wait_for_start = parameters.wait_for_start
         super().__init__(node, parameters)
+        self._wait_for_start = parameters.wait_for_start
         motion = self.scene.device.motion
         self.fastest = np.array([motion.speed, motion.angular_speed])
         node.keep(node.create_service(Trigger, START_HAND, self._on_start_hand))
@@ -247,18 +246,16 @@ class HapticDevice(DeviceDriver[DeviceParameters]):
 
     def pushed(self, deadline_ns: int) -> Array:
         """Return others' pushes (6,), by topics, N and N m, world axes at the point held."""
-        return NO_WRENCH if self._hand is None else self._hand.at(deadline_ns)
+        return self._hand.at(deadline_ns)
 
     def apply_parameters(self, parameters: DeviceParameters) -> None:
         """Take new parameters: the timeouts count from now on."""
         super().apply_parameters(parameters)
-        if self._hand is not None:
-            self._hand.apply_parameters(parameters)
+        self._hand.apply_parameters(parameters)
 
     def activate(self) -> None:
         """Begin where the device is, without a hand; in lockstep, held from the start."""
-        if self._hand is not None:
-            self._hand.forget()
+        self._hand.forget()
         super().activate()
         self.wait_by(self._plain)
 
@@ -276,7 +273,7 @@ class HapticDevice(DeviceDriver[DeviceParameters]):
             state: (107,) to fill, of the device.
             model: (108,) to fill: how commands depend on the device.
         """
-        pushed = self._hand is None or self._hand.pushes(self.now_ns())
+        pushed = self._hand.pushes(self.now_ns())
         # The hand is to take hold, once it need not wait.
         free = self.held is None and not self._wait_for_start
         return not (pushed or free) and super().plainly(link, commands, state, model)
@@ -288,13 +285,11 @@ class HapticDevice(DeviceDriver[DeviceParameters]):
 
     def ready(self, deadline_ns: int) -> bool:
         """Return whether the command to act on, and the hand's wrench if awaited, are there."""
-        received = self._hand is not None and self._hand.ready(deadline_ns)
-        return received and super().ready(deadline_ns)
+        return self._hand.ready(deadline_ns) and super().ready(deadline_ns)
 
     def figures(self, now_ns: int) -> Mapping[str, str]:
         """Return the hand, and the names of pushes, for diagnostics."""
-        pushes = {} if self._hand is None else self._hand.figures(now_ns)
-        return {"hand": self.parameters.hand, **pushes}
+        return {"hand": self.parameters.hand, **self._hand.figures(now_ns)}
 
     def _on_start_hand(
         self, request: Trigger.Request, response: Trigger.Response

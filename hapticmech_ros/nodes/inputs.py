@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -179,53 +179,16 @@ class Standing(Latest[T]):
 
 
 @dataclass(slots=True)
-class Stamped(Generic[T]):
-    """Values by their time (ns): lockstep takes exactly the one it needs."""
-
-    values: dict[int, T] = field(default_factory=dict)
-
-    def put(self, value: T, stamp_ns: int) -> None:
-        """Keep a value until it is taken."""
-        self.values[stamp_ns] = value
-
-    def has(self, stamp_ns: int) -> bool:
-        """Return whether the value for a time is there."""
-        return stamp_ns in self.values
-
-    def take(self, stamp_ns: int) -> T:
-        """Return the value for a time, and forget it."""
-        return self.values.pop(stamp_ns)
-
-
-@dataclass(slots=True)
-class ExpiringWrench:
-    """A wrench command that is ramped to zero when it is not renewed.
+class ExpiringWrench(Standing[Array]):
+    """A wrench command (6,), N and N m, that is ramped to zero when it is not renewed.
 
     Attributes:
         timeout_ns: how long a command stands; 0 keeps it for ever.
         ramp_ns: how long it then takes to reach zero.
     """
 
-    timeout_ns: int
-    ramp_ns: int
-    _latest: Standing[Array] = field(default_factory=Standing)
-
-    def put(self, wrench: Array, now_ns: int) -> None:
-        """Take a new command (6,).
-
-        Args:
-            wrench: (6,) N and N m, in the axes it was given in.
-            now_ns: present time, ns.
-        """
-        self._latest.put(wrench, now_ns)
-
-    def clear(self) -> None:
-        """Forget the command: zero until the next one."""
-        self._latest.clear()
-
-    def sampled(self) -> None:
-        """Note that a sample was taken under the present command."""
-        self._latest.sampled()
+    timeout_ns: int = 0
+    ramp_ns: int = 0
 
     def put_into(self, wrenches: Array) -> tuple[int, int]:
         """Fill (2, 6) with the present command, and that of the last sample.
@@ -236,10 +199,9 @@ class ExpiringWrench:
         Returns:
             Since when each does, ns.
         """
-        latest = self._latest
-        for row, wrench in zip(wrenches, (latest.value, latest.before), strict=True):
+        for row, wrench in zip(wrenches, (self.value, self.before), strict=True):
             row[:] = 0.0 if wrench is None else wrench
-        return latest.stamp_ns, latest.before_ns
+        return self.stamp_ns, self.before_ns
 
     def take_from(self, wrenches: Array, received_ns: int, before_ns: int) -> None:
         """Take a kernel's changes of the values of :meth:`put_into`.
@@ -249,23 +211,23 @@ class ExpiringWrench:
             received_ns: since when the first one stands.
             before_ns: the second.
         """
-        latest, (stands, stood) = self._latest, wrenches.copy()
-        latest.value, latest.stamp_ns = (None if received_ns == NEVER else stands), received_ns
-        latest.before, latest.before_ns = (None if before_ns == NEVER else stood), before_ns
+        stands, stood = wrenches.copy()
+        self.value, self.stamp_ns = (None if received_ns == NEVER else stands), received_ns
+        self.before, self.before_ns = (None if before_ns == NEVER else stood), before_ns
 
     def received(self, now_ns: int) -> bool:
         """Return whether a command came within the timeout."""
-        return self._latest.fresh(now_ns, self.timeout_ns)
+        return self.fresh(now_ns, self.timeout_ns)
 
     def stands(self, now_ns: int) -> bool:
         """Return whether a command still acts at ``now_ns``."""
-        if self._latest.value is None:
+        if self.value is None:
             return False
-        return self.timeout_ns == 0 or self._latest.fresh(now_ns, self.timeout_ns + self.ramp_ns)
+        return self.timeout_ns == 0 or self.fresh(now_ns, self.timeout_ns + self.ramp_ns)
 
     def at(self, now_ns: int) -> Array:
         """Return the wrench (6,) that stands at ``now_ns``, N and N m, in the axes given."""
-        wrench, received_ns = self._latest.as_of(now_ns)
+        wrench, received_ns = self.as_of(now_ns)
         if wrench is None:
             return np.zeros(6)
         if self.timeout_ns == 0:

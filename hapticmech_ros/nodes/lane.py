@@ -26,7 +26,7 @@ import tempfile
 import termios
 import threading
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -180,26 +180,23 @@ class Outgoing:
     def send(self, frame: bytes) -> bool:
         """Send or keep a frame; return False if the connection is closed."""
         with self._lock:
-            return self._send(frame)
-
-    def _send(self, frame: bytes) -> bool:
-        behind = self._behind
-        if behind:
-            self._keep(behind, frame)
-            return self._flush(behind)
-        try:
-            self.connection.send(frame)
-        except BlockingIOError:
-            self._full_ns = self._full_ns or time.monotonic_ns()
-            if behind is None:
-                self.lost += 1
-            else:
+            behind = self._behind
+            if behind:
                 self._keep(behind, frame)
-        except OSError:
-            return False
-        else:
-            self._full_ns = 0
-        return True
+                return self._flush(behind)
+            try:
+                self.connection.send(frame)
+            except BlockingIOError:
+                self._full_ns = self._full_ns or time.monotonic_ns()
+                if behind is None:
+                    self.lost += 1
+                else:
+                    self._keep(behind, frame)
+            except OSError:
+                return False
+            else:
+                self._full_ns = 0
+            return True
 
     @property
     def wants_all(self) -> bool:
@@ -448,6 +445,7 @@ class Lane:
 
     Attributes:
         refused: number of connections and messages that broke the rules.
+        sent: number of messages sent by each outlet, by a kernel included.
         copied: topic and message of each received one that the middleware delivers too; the caller
             of :meth:`collect` takes them.
         wait: waits in place of ``select``; see :class:`Waits`. None: ``select`` waits.
@@ -479,8 +477,7 @@ class Lane:
         self._incoming: dict[int, Incoming] = {}
         self._to: dict[str, list[tuple[Outgoing, int]]] = {}
         self._readers: dict[str, int] = {}
-        # Number of messages sent by each outlet.
-        self._sent: dict[int, int] = {}
+        self.sent: Counter[int] = Counter()
         self._known: set[str] = {self._name}
         self._folder_ns = self._looked_ns = -1
         # Connections that have ended, to be closed by the loop's thread.
@@ -584,8 +581,9 @@ class Lane:
             message: serialized.
             both: whether the middleware carries it too.
         """
-        self._sent[outlet] = count = self._sent.get(outlet, 0) + 1
-        self.send_to(self._to.get(topic, ()), outlet, number, count, message, both)
+        self.sent[outlet] += 1
+        hearers = self._to.get(topic, ())
+        self.send_to(hearers, outlet, number, self.sent[outlet], message, both)
 
     def send_to(
         self,
@@ -617,14 +615,6 @@ class Lane:
             self._drop(outgoing)
         if turned:
             self._sort()
-
-    def sent(self, outlet: int) -> int:
-        """Return the number of messages that a publisher has sent over the lane."""
-        return self._sent.get(outlet, 0)
-
-    def note_sent(self, outlet: int, count: int) -> None:
-        """Set a publisher's number of messages after a kernel has sent some."""
-        self._sent[outlet] = count
 
     def plain_hearers(self, topic: str) -> list[tuple[Outgoing, int]]:
         """Return a topic's subscribers, each with its number of the topic.

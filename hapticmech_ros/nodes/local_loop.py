@@ -19,7 +19,7 @@ from hapticmech_ros.control.loop_layout import HandMemory
 from hapticmech_ros.control.other_hands import NO_OTHERS, OtherHands
 from hapticmech_ros.control.passivity import corrected
 from hapticmech_ros.nodes.device_kernels import MICROSECOND, find_sample
-from hapticmech_ros.nodes.inputs import NEVER, InOrder, Latest, Stamped
+from hapticmech_ros.nodes.inputs import NEVER, InOrder, Latest
 from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.timeouts import ByRate
 from hapticmech_ros.nodes.turn import FOR_EVER
@@ -87,13 +87,13 @@ class LocalLoop:
         self.others = others
         self.corrected_for_others = self.uncorrected_for_others = 0
         self._coupling: Latest[CouplingMatrices] = Latest()
-        self.couplings: Stamped[CouplingMatrices] = Stamped()
+        self.couplings: dict[int, CouplingMatrices] = {}
         self.newest_ns = NEVER
         self._bounds = bounds or message_bounds(LocalFeedbackGain)
         self._paired, self._paired_ns = paired, nanoseconds(PAIRED.at(period))
         self._pair: Pair | None = None
         self._unpaired: OrderedDict[int, LocalFeedbackGain] = OrderedDict()
-        self.gains: Stamped[LocalFeedbackGain] = Stamped()
+        self.gains: dict[int, LocalFeedbackGain] = {}
         self.order = InOrder()
         # E_m as received, and its value at the start of obeying, J; NaN while no controller sends
         # it.
@@ -165,7 +165,7 @@ class LocalLoop:
         for stamp_ns in (gain.stamp_ns, gain.answered_ns):
             check_age(stamp_ns, now_ns, age_limit_ns)
         if lockstep:
-            self.gains.put(gain, gain.stamp_ns)
+            self.gains[gain.stamp_ns] = gain
             return
         if self._paired and gain.answered_ns > self.from_ns:
             self._unpaired[gain.stamp_ns] = gain
@@ -207,7 +207,7 @@ class LocalLoop:
         """
         check_age(found.stamp_ns, now_ns, age_limit_ns)
         if lockstep:
-            self.couplings.put(found, found.stamp_ns)
+            self.couplings[found.stamp_ns] = found
         elif found.stamp_ns > self.from_ns:
             self._coupling.put(found, now_ns)
 
@@ -225,9 +225,9 @@ class LocalLoop:
         others = self.others
         if others is None:
             return True
-        if not self.couplings.has(answered_ns):
+        if answered_ns not in self.couplings:
             return False
-        gains = self.couplings.values[answered_ns].by_point
+        gains = self.couplings[answered_ns].by_point
         return all(others.known_at(name, sampled_ns) for name in gains)
 
     @property
@@ -280,9 +280,9 @@ class LocalLoop:
             command: (6,) N and N m, world axes at the point held.
             stamp_ns: of the sample that it answers.
         """
-        gain = self.gains.take(stamp_ns)
+        gain = self.gains.pop(stamp_ns)
         self.energies[:] = gain.to_mechanism, 0.0
-        matrices = None if self.others is None else self.couplings.take(stamp_ns)
+        matrices = None if self.others is None else self.couplings.pop(stamp_ns)
         others = self._for_others(matrices, gain.answered_ns)
         return self._corrected(command, gain, gain.answered_ns, others)
 

@@ -54,7 +54,7 @@ from hapticmech_ros.nodes.messages import (
     STREAM_PUBLISHER,
     message_class,
     set_stamp,
-    write_wrench,
+    wrench_message,
 )
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
@@ -151,7 +151,7 @@ def feed_from_bag(path: Path, scene: Scene, kinds: Sequence[str]) -> Feed:
     tracks = []
     if "hand" in kinds:
         wrenches = np.array([sample.sample.hand_wrench for sample in samples])
-        tracks.append(Track(HAND_WRENCH.name, stamps, wrenches, _wrench, WrenchStamped))
+        tracks.append(Track(HAND_WRENCH.name, stamps, wrenches, wrench_message, WrenchStamped))
     if "device" in kinds:
         rows = np.array([sample.values for sample in samples])
         tracks.append(Track(DEVICE_STATE.name, stamps, rows, _device, Float64MultiArray))
@@ -166,7 +166,7 @@ def feed_from_bag(path: Path, scene: Scene, kinds: Sequence[str]) -> Feed:
         for index, name in enumerate(mechanism.point_names):
             values = np.array([state.contacts[index] for state in decoded])
             topic = EXTERNAL_WRENCH.of(name)
-            tracks.append(Track(topic, times, values, _wrench, WrenchStamped))
+            tracks.append(Track(topic, times, values, wrench_message, WrenchStamped))
     return Feed(tracks, header_stamp(commands[0]), stamps[-1], scene.simulation.period)
 
 
@@ -184,12 +184,6 @@ def _messages(bag: BagReader, relative: str) -> list[bytes]:
         found = ", ".join(names) or "none"
         raise BagError(f"bag {bag.path}: needs one topic .../{relative} (found {found})")
     return [data for _, _, data in bag.serialized(names[0])]
-
-
-def _wrench(value: Array, time_ns: int) -> WrenchStamped:
-    message = WrenchStamped()
-    write_wrench(message, value, time_ns)
-    return message
 
 
 CLOCK = "/clock"
@@ -247,10 +241,6 @@ class LockstepClock(QuietEventsNode):
                 if topic.publisher != VIEWER:
                     self._listen(topic, namespace, point)
 
-    def begin(self) -> None:
-        """Publish the time of the first tick."""
-        self._report()
-
     def retell(self) -> None:
         """Publish the time once more, for nodes that missed it."""
         self._publisher.publish(self._message)
@@ -259,12 +249,8 @@ class LockstepClock(QuietEventsNode):
         """Return the topics that have not been received for the present time."""
         return sorted(self._missing)
 
-    def advance(self) -> None:
-        """Go on to the next tick."""
-        self.time_ns += self.period_ns
-        self._report()
-
-    def _report(self) -> None:
+    def begin(self) -> None:
+        """Begin the tick of the present time: publish its inputs, and the time."""
         self.completed = Future()
         self._missing = {
             name for name, received in self._awaited.items() if received < self.time_ns
@@ -377,7 +363,8 @@ def _pace(
             due += node.period_ns / NANOSECONDS / rate
             while (ahead := due - time.monotonic()) > 0.0 and not stop.asked:
                 wait_for_messages(executor, min(ahead, LONGEST_WAIT_S))
-        node.advance()
+        node.time_ns += node.period_ns
+        node.begin()
     for _ in range(MOST_QUIET):
         if time.monotonic() - node.last_received_s < QUIET_S:
             wait_for_messages(executor, QUIET_S)

@@ -55,7 +55,6 @@ from rclpy.executors import Executor
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.service import Service
-from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from hapticmech_ros.errors import HapticMechError, shown
@@ -635,16 +634,9 @@ def run_until(
     executor.shutdown()
 
 
-class Reports(Protocol):
-    """A node with a final report."""
-
-    def final_report(self) -> str:
-        """Return the line to print when the node ends."""
-
-
-def print_report(node: Reports) -> None:
-    """Print a node's last line in one write, as processes that share a terminal end together."""
-    sys.stdout.write(f"{node.final_report()}\n")
+def print_line(text: str) -> None:
+    """Print a line in one write, as processes that share a terminal end together."""
+    sys.stdout.write(f"{text}\n")
     sys.stdout.flush()
 
 
@@ -672,26 +664,3 @@ def _wait_s(nodes: Sequence[HasDeadlines]) -> float:
 def write_progress(event: str, **facts: object) -> None:
     """Print a line of JSON for the parent process."""
     print(json.dumps({"event": event, **facts}), flush=True)
-
-
-def watch(node_type: Callable[[], Node], arguments: Sequence[str], **facts: Any) -> int:
-    """Run a node until a signal, and return the exit code.
-
-    Args:
-        node_type: creates the node, without arguments.
-        arguments: for ROS.
-        facts: printed with the event ``ready`` once the node is created.
-    """
-    stop = StopRequest()
-    rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
-    node = node_type()
-    executor = EventsExecutor()
-    executor.add_node(node)
-    write_progress("ready", **facts)
-    try:
-        while rclpy.ok() and not stop.asked:
-            wait_for_messages(executor, LONGEST_WAIT_S)
-        return 0
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()

@@ -24,9 +24,9 @@ from hapticmech_ros.mechanism.constraint_space import PointKinematics
 from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.exchange import Outlet
-from hapticmech_ros.nodes.inputs import NEVER, ExpiringWrench, InOrder, Stamped
+from hapticmech_ros.nodes.inputs import NEVER, ExpiringWrench, InOrder
 from hapticmech_ros.nodes.messages import (
-    COMMAND_SUBSCRIBER,
+    CONTROL_SUBSCRIBER,
     LATCHED,
     WORLD,
     read_framed_pose,
@@ -34,7 +34,6 @@ from hapticmech_ros.nodes.messages import (
 )
 from hapticmech_ros.nodes.parameters import MechanismParameters
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.quaternions import quaternion_of
 from hapticmech_ros.scene.mechanism import OperationalPoint
 from hapticmech_ros.wire.bounds import pose_bounds, twist_bounds
 from hapticmech_ros.wire.contact_points import ContactLayout
@@ -85,9 +84,9 @@ class PointPort:
         self._pose_bounds = pose_bounds(actor.limits)
         self._twist_bounds = twist_bounds(actor.limits)
         self.order = InOrder()
-        self.command = ExpiringWrench(0, 0)
-        self.commands: Stamped[Array] = Stamped()
-        self.awaited: Stamped[Array] = Stamped()
+        self.command = ExpiringWrench()
+        self.commands: dict[int, Array] = {}
+        self.awaited: dict[int, Array] = {}
         self._publish_pose = actor.view(POINT_POSE, PoseStamped, name)
         self._publish_twist = actor.view(POINT_TWIST, TwistStamped, name)
         self._publish_force = actor.view(POINT_FORCE, WrenchStamped, name)
@@ -105,11 +104,7 @@ class PointPort:
 
     def received(self, now_ns: int) -> bool:
         """Return whether commands of one controller are received."""
-        return self.command.received(now_ns) and not self.fault(now_ns)
-
-    def fault(self, now_ns: int) -> str:
-        """Return a sentence that names two publishers of commands; empty if there are none."""
-        return self.controllers.fault(now_ns)
+        return self.command.received(now_ns) and not self.controllers.fault(now_ns)
 
     def forget(self) -> None:
         """Forget commands, and their publishers."""
@@ -127,11 +122,6 @@ class PointPort:
         self.command.clear()
         self.command.put(np.zeros(6), now_ns)
 
-    @property
-    def wants_joints(self) -> bool:
-        """Whether the point's own copy of the joint states has subscribers."""
-        return self._publish_joints.wanted
-
     def check(self, point: PointKinematics) -> None:
         """Hold the point's pose and twist to the scene's limits.
 
@@ -141,38 +131,34 @@ class PointPort:
         self._pose_bounds.check_output((*point.pose.translation.tolist(), 0.0, 0.0, 0.0))
         self._twist_bounds.check_output(point.twist.tolist())
 
-    def publish(self, point: PointKinematics, force: Array, joints: bytes, time_ns: int) -> None:
+    def publish(
+        self, point: PointKinematics, force: Array, joints: Callable[[], bytes], time_ns: int
+    ) -> None:
         """Publish the topics for people and CRTK clients.
 
         Args:
             point: its kinematics.
             force: (6,) F_c, N and N m, world axes at the operational point.
-            joints: joint states, serialized; empty without subscribers.
+            joints: returns the serialized joint states.
             time_ns: their stamp, ns.
         """
-        if self._publish_force.wanted:
-            self._publish_force.publish(encode_wrench(force, time_ns))
-        if self._publish_twist.wanted:
-            self._publish_twist.publish(encode_twist(point.twist.tolist(), time_ns))
-        if self.wants_joints and joints:
-            self._publish_joints.publish(joints)
-        if self._publish_pose.wanted:
-            pose = point.pose
-            place = *pose.translation.tolist(), *quaternion_of(pose.rotation).tolist()
-            self._publish_pose.publish(encode_pose(place, time_ns))
+        self._publish_force.offer(encode_wrench, force, time_ns)
+        self._publish_twist.offer(encode_twist, point.twist.tolist(), time_ns)
+        self._publish_joints.offer(joints)
+        self._publish_pose.offer(encode_pose, pin.SE3ToXYZQUAT(point.pose).tolist(), time_ns)
 
     def _on_command(self, wrench: Array, stamp_ns: int, now_ns: int) -> None:
         self._actor.ages.add(now_ns - stamp_ns)
-        if self.fault(now_ns):
+        if self.controllers.fault(now_ns):
             self.command.clear()
         elif self._actor.lockstep or self.order.is_next(stamp_ns, now_ns):
             self.command.put(wrench if stamp_ns > self.since_ns else np.zeros(6), now_ns)
         if self._actor.lockstep:
-            self.commands.put(wrench, stamp_ns)
+            self.commands[stamp_ns] = wrench
             self._go_on(now_ns)
 
     def _on_awaited(self, wrench: Array, stamp_ns: int, now_ns: int) -> None:
-        self.awaited.put(wrench, stamp_ns)
+        self.awaited[stamp_ns] = wrench
         self._go_on(now_ns)
 
 
@@ -192,12 +178,10 @@ class ContactPort:
     def publish(self, touching: Touching | None, time_ns: int) -> None:
         """Publish the points of contact of the step that led to a time; None: nothing touches."""
         for outlet in self._points:
-            if outlet.wanted:
-                outlet.publish(self._layout.encode(touching, time_ns))
+            outlet.offer(self._layout.encode, touching, time_ns)
         for pair, outlet in enumerate(self._pairs):
-            if outlet.wanted:
-                wrench = NO_WRENCH if touching is None else touching.wrench(pair)
-                outlet.publish(encode_wrench(wrench, time_ns))
+            wrench = NO_WRENCH if touching is None else touching.wrench(pair)
+            outlet.offer(encode_wrench, wrench, time_ns)
 
 
 def offer_closures(
@@ -279,7 +263,7 @@ class OperationalPoints:
         for name in mechanism.point_names:
             self._outlets.append(actor.output(OPERATIONAL_POINT, PoseStamped, LATCHED, point=name))
             accept = partial(self._on_grasp, name)
-            actor.input(SET_OPERATIONAL_POINT.of(name), PoseStamped, COMMAND_SUBSCRIBER, accept)
+            actor.input(SET_OPERATIONAL_POINT.of(name), PoseStamped, CONTROL_SUBSCRIBER, accept)
 
     def announce(self) -> None:
         """Publish the place of every operational point."""

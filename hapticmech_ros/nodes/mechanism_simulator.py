@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 from geometry_msgs.msg import WrenchStamped
@@ -16,7 +16,6 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension, UInt8MultiArray
 from hapticmech_ros.compilation import arrays_of
 from hapticmech_ros.contact.step_kernels import MORE_WORKSPACE
 from hapticmech_ros.control.loop_layout import ActingWrenches
-from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.closures import grasp_written
 from hapticmech_ros.mechanism.constraint_space import ConstraintSpace, PointKinematics
 from hapticmech_ros.mechanism.model import se3
@@ -39,6 +38,7 @@ from hapticmech_ros.nodes.messages import LATCHED
 from hapticmech_ros.nodes.operating_state import OperatingState
 from hapticmech_ros.nodes.parameters import MechanismParameters
 from hapticmech_ros.nodes.plain_messages import PlainCommand, PlainMessages, Publication
+from hapticmech_ros.nodes.sources import first_fault
 from hapticmech_ros.nodes.timeouts import MECHANISM_COMMAND, timeout_of
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
@@ -245,10 +245,6 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
     phase = 0.5
 
     def __init__(self, node: Host, parameters: MechanismParameters) -> None:
-        self._ports: list[PointPort] = []
-        self._listened: ExternalWrenches | None = None
-        self._asked: str | None = None
-        self._plain: MechanismTicks | None = None
         super().__init__(node, parameters)
         self.simulator = Simulator(self.scene)
         self._mechanism = self.simulator.mechanism
@@ -282,6 +278,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._publish_closures = self.output(CLOSURES, UInt8MultiArray, LATCHED)
         self._ports = [PointPort(self, name, self.act) for name in names]
         self._contact_port = ContactPort(self, [contact.name for contact in self.scene.contacts])
+        self._listened: ExternalWrenches | None = None
         if not parameters.require_external_wrench:
             self._listened = self._listen_to_wrenches(names)
         self._grasps = OperationalPoints(
@@ -300,6 +297,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             at_zero=self._rest,
         )
         offer_closures(self, self._closures, self._switch)
+        self._plain: MechanismTicks | None = None
         # If a kernel can step this mechanism without Python.
         if len(held) == 1 and not parameters.require_external_wrench:
             self._plain = MechanismTicks(self, self._layout, self._publish_wire)
@@ -312,7 +310,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             port.set_timeout(self._timeout_ns)
         if self._listened is not None:
             self._listened.set_timeout(nanoseconds(parameters.external_timeout))
-        if self._asked is not None and parameters.grasp != self._asked:
+        if parameters.grasp != self._asked:
             self._asked = parameters.grasp
             self._grasp(self._asked_for(parameters))
 
@@ -320,12 +318,12 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         """Raise for parameters that do not fit the scene, or that are not allowed in lockstep."""
         self._command_timeout(parameters)
         if parameters.closure_button:
-            self._refuse_in_lockstep("closure_button", parameters.closure_button)
+            self.refuse_in_lockstep("closure_button", parameters.closure_button)
             closure_button(parameters.closure_button, self._closures)
         point = self._asked_for(parameters)
         if parameters.grasp != self._asked:
             if self._ticks:
-                self._refuse_in_lockstep("grasp", point.link)
+                self.refuse_in_lockstep("grasp", point.link)
             self._check_within_reach(point)
 
     def _command_timeout(self, parameters: MechanismParameters) -> float:
@@ -424,14 +422,14 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
     def ready(self, deadline_ns: int) -> bool:
         """Return whether the commands for the next step, and required wrenches, have arrived."""
         if self.parameters.require_external_wrench and not all(
-            port.awaited.has(deadline_ns) for port in self._ports
+            deadline_ns in port.awaited for port in self._ports
         ):
             return False
         needed = [self.answered_ns(deadline_ns)] if self._ticks > 1 else []
         # With several hands, each feels the others' newest commands.
         if self._ticks and len(self._held) > 1:
             needed.append(deadline_ns - self.period_ns)
-        return all(self._ports[i].commands.has(time) for i in self._held for time in needed)
+        return all(time in self._ports[i].commands for i in self._held for time in needed)
 
     def tick(self, periods: int, deadline_ns: int) -> None:
         """Step the mechanism under the valid wrenches, and publish its state."""
@@ -461,8 +459,8 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             port = self._ports[index]
             if not self.lockstep:
                 wrenches[index] = port.command.at(deadline_ns)
-            elif port.commands.has(answered):
-                wrenches[index] = port.commands.values[answered]
+            elif answered in port.commands:
+                wrenches[index] = port.commands[answered]
         return wrenches
 
     def _publish(self, deadline_ns: int) -> None:
@@ -481,7 +479,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         if state.active != self._announced:
             self._announce_closures()
         if self._ticks % self.view_every == 0:
-            self.node.exchange.publish_views()
+            self.node.exchange.turn.publish_views()
             self.prepare_view(state, external, deadline_ns)()
         self._ticks += 1
 
@@ -538,7 +536,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         return well, fault or f"closed loops: {closed}", figures
 
     def _two_command(self, now_ns: int) -> str:
-        return next((fault for port in self._ports if (fault := port.fault(now_ns))), "")
+        return first_fault((port.controllers for port in self._ports), now_ns)
 
     def _fault(self) -> str:
         """Return the fault for which the mechanism must not be held; empty if there is none."""
@@ -586,13 +584,13 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         if self._ticks >= 2:
             answered = self.answered_ns(deadline_ns)
             for index in self._held:
-                wrenches[index] = self._ports[index].commands.take(answered)
+                wrenches[index] = self._ports[index].commands.pop(answered)
         return wrenches
 
     def _pushing(self, now_ns: int) -> Array:
         """Return the external wrenches (points, 6), N and N m, from now on; keep those on links."""
         if self._listened is None:
-            return np.array([port.awaited.take(now_ns) for port in self._ports])
+            return np.array([port.awaited.pop(now_ns) for port in self._ports])
         pushed = self._listened.at(now_ns, self._rotation_of)
         if not pushed:
             self._on_links = pushed
@@ -637,11 +635,9 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         time_ns: int,
     ) -> None:
         self._operating.publish(self.node.active)
-        joints = b""
-        if self._publish_joints.wanted or any(port.wants_joints for port in self._ports):
-            joints = self._joints.encode(q, state.v.tolist(), (), time_ns)
-        if self._publish_joints.wanted and joints:
-            self._publish_joints.publish(joints)
+        # Encoded once for all outlets, if any.
+        joints = cache(partial(self._joints.encode, q, state.v.tolist(), (), time_ns))
+        self._publish_joints.offer(joints)
         for port, point, force in zip(self._ports, points, external, strict=True):
             # Joints may be within their limits while a point far out on a link is beyond those of
             # messages: this raises, as its state could not be published.
@@ -658,7 +654,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         return grasp_written(self.scene, self.point, parameters.grasp)
 
     def _commanded_grasp(self, point: OperationalPoint) -> None:
-        self._refuse_in_lockstep("grasp", point.link)
+        self.refuse_in_lockstep("grasp", point.link)
         self._check_within_reach(point)
         self._grasp(point)
 
@@ -676,11 +672,6 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         link = self._mechanism.frame_pose(self.state.q, point.link)
         pose_bounds(self.limits).check((*link.act(se3(point.origin).translation), 0.0, 0.0, 0.0))
 
-    def _refuse_in_lockstep(self, what: str, value: object) -> None:
-        if self.lockstep:
-            rule = "cannot change in lockstep, whose runs repeat"
-            raise InvalidInputError(what, value, rule)
-
     def _pressed(self, number: int) -> None:
         """Open or close the loop of the closure button, if that has this number."""
         found = closure_button(self.parameters.closure_button, self._closures)
@@ -688,7 +679,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             self._switch(found[0], not self.state.active[self._closures.index(found[0])])
 
     def _switch(self, closure: str, on: bool) -> None:
-        self._refuse_in_lockstep(f"closure {closure}", on)
+        self.refuse_in_lockstep(f"closure {closure}", on)
         self.state = self.simulator.switch(self.state, {closure: on})
 
     def _announce_closures(self) -> None:

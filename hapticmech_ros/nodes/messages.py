@@ -37,7 +37,6 @@ from std_msgs.msg import Float64MultiArray, Header
 
 from hapticmech_ros.errors import BagError, InvalidInputError, OutputError
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.quaternions import quaternion_of
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.scene.document import Limits
 from hapticmech_ros.wire.bounds import SixBounds, pose_bounds
@@ -57,12 +56,10 @@ STREAM_PUBLISHER = QoSProfile(
 # publisher that leaves, Fast DDS 2.14 goes on counting messages as unread that newer ones replaced,
 # and for each message that comes rclpy's events executor looks for as many as are unread. With a
 # history of 1 the analyser took three times as much of a processor after 24 restarts of a second
-# mechanism; with 5 it does not.
+# mechanism; with 5 it does not. Best effort connects to best-effort publishers of commands too.
 CONTROL_SUBSCRIBER = QoSProfile(
     history=HistoryPolicy.KEEP_LAST, depth=5, reliability=ReliabilityPolicy.BEST_EFFORT
 )
-# Commands of other nodes: best effort connects to reliable and best-effort publishers.
-COMMAND_SUBSCRIBER = CONTROL_SUBSCRIBER
 # State that changes rarely: a late subscriber gets the last value.
 LATCHED = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
@@ -255,34 +252,36 @@ def check_frame(header: Header, frame: str = WORLD) -> None:
         raise InvalidInputError("frame_id", header.frame_id, f"must be '{frame}'")
 
 
-def write_wrench(message: WrenchStamped, wrench: Array, time_ns: int) -> None:
-    """Fill a stamped wrench, axes of ``world``.
+def wrench_message(wrench: Array, time_ns: int, frame: str = WORLD) -> WrenchStamped:
+    """Return a stamped wrench.
 
     Args:
-        message: to fill.
-        wrench: (6,) N and N m.
+        wrench: (6,) N and N m, in the axes of ``frame``.
         time_ns: its stamp, ns.
+        frame: its name.
     """
-    _write_header(message.header, time_ns)
-    _write_six(message.wrench.force, message.wrench.torque, wrench)
+    message = WrenchStamped()
+    _write_header(message.header, time_ns, frame)
+    force, torque = message.wrench.force, message.wrench.torque
+    force.x, force.y, force.z, torque.x, torque.y, torque.z = wrench.tolist()
+    return message
 
 
 def write_pose(message: PoseStamped, pose: pin.SE3, time_ns: int) -> None:
     """Fill a stamped pose in ``world``."""
     _write_header(message.header, time_ns)
-    position, orientation = message.pose.position, message.pose.orientation
-    position.x, position.y, position.z = pose.translation.tolist()
-    quaternion = quaternion_of(pose.rotation).tolist()
-    orientation.x, orientation.y, orientation.z, orientation.w = quaternion
+    fill_pose(message.pose, pose)
 
 
-def _write_header(header: Header, time_ns: int) -> None:
-    header.frame_id = WORLD
+def fill_pose(message: Pose, pose: pin.SE3) -> None:
+    """Fill a pose."""
+    p, o = message.position, message.orientation
+    p.x, p.y, p.z, o.x, o.y, o.z, o.w = pin.SE3ToXYZQUAT(pose).tolist()
+
+
+def _write_header(header: Header, time_ns: int, frame: str = WORLD) -> None:
+    header.frame_id = frame
     set_stamp(header.stamp, time_ns)
-
-
-def _write_six(first: Vector3, second: Vector3, values: Array) -> None:
-    first.x, first.y, first.z, second.x, second.y, second.z = values.tolist()
 
 
 def _six(bounds: SixBounds, first: Vector3, second: Vector3) -> Array:
@@ -305,7 +304,8 @@ def check_finite(message: Any) -> None:
             raise OutputError(type(message).__name__, float(value), "must be finite")
 
 
-def _vector(v: Vector3 | Point) -> tuple[float, float, float]:
+def three_of(v: Vector3 | Point) -> tuple[float, float, float]:
+    """Return the numbers of a vector."""
     return v.x, v.y, v.z
 
 
@@ -313,8 +313,9 @@ def _turn(q: Quaternion) -> tuple[float, float, float, float]:
     return q.x, q.y, q.z, q.w
 
 
-def _pose(pose: Pose) -> tuple[float, ...]:
-    return *_vector(pose.position), *_turn(pose.orientation)
+def seven_of(pose: Pose) -> tuple[float, ...]:
+    """Return position and quaternion of a pose."""
+    return *three_of(pose.position), *_turn(pose.orientation)
 
 
 def _array(message: Float64MultiArray) -> Iterable[float]:
@@ -329,21 +330,21 @@ def _markers(message: MarkerArray) -> Iterable[float]:
 
 
 def _marker(marker: Marker) -> Iterable[float]:
-    yield from _pose(marker.pose)
-    yield from _vector(marker.scale)
+    yield from seven_of(marker.pose)
+    yield from three_of(marker.scale)
     for point in marker.points:
-        yield from _vector(point)
+        yield from three_of(point)
 
 
 def _transform(message: TransformStamped) -> tuple[float, ...]:
     place = message.transform
-    return *_vector(place.translation), *_turn(place.rotation)
+    return *three_of(place.translation), *_turn(place.rotation)
 
 
 _NUMBERS: dict[str, Callable[[Any], Iterable[float]]] = {
-    WrenchStamped.__name__: lambda m: (*_vector(m.wrench.force), *_vector(m.wrench.torque)),
-    TwistStamped.__name__: lambda m: (*_vector(m.twist.linear), *_vector(m.twist.angular)),
-    PoseStamped.__name__: lambda m: _pose(m.pose),
+    WrenchStamped.__name__: lambda m: (*three_of(m.wrench.force), *three_of(m.wrench.torque)),
+    TwistStamped.__name__: lambda m: (*three_of(m.twist.linear), *three_of(m.twist.angular)),
+    PoseStamped.__name__: lambda m: seven_of(m.pose),
     JointState.__name__: lambda m: (*m.position, *m.velocity, *m.effort),
     Float64MultiArray.__name__: _array,
     TransformStamped.__name__: _transform,

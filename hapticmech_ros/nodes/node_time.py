@@ -97,14 +97,9 @@ _READS = 5
 
 
 class NodeTime:
-    """ROS time that advances evenly, and detects when the machine's clock was set.
-
-    Attributes:
-        steps: how often the machine's clock was set since the start.
-    """
+    """ROS time that advances evenly, and detects when the machine's clock was set."""
 
     def __init__(self) -> None:
-        self.steps = 0
         self._ahead_ns = wall_ahead_ns()
 
     def now_ns(self) -> int:
@@ -125,7 +120,6 @@ class NodeTime:
             # Interrupted between the two reads.
             return 0
         self._ahead_ns = ahead
-        self.steps += 1
         return apart
 
 

@@ -181,7 +181,6 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         self.grasp = flat_grasp(self.scene, self.analyser.point)
         self._publish_model = self.output(POINT_MODEL, Float64MultiArray)
         self._coupling = CouplingWire(self.other_points, self.limits)
-        self._transmission_encoder = FlatArray(self._coupling.fields, self._coupling.bounds)
         self._publish_transmission: Outlet | None = None
         if self.other_points:
             self._publish_transmission = self.output(TRANSMISSION, Float64MultiArray)
@@ -292,7 +291,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
             self._transmit(state, found.analysis)
         self._publish_model.publish(self._encoder.encode(model.message.values))
         if self.analyses % self.view_every == 0:
-            self.node.exchange.publish_views()
+            self.node.exchange.turn.publish_views()
             self.publish_view(found.analysis, count)
         self.analyses += 1
 
@@ -317,8 +316,8 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
             matrices: Y_ij (6, 6) by operational point; 1, m and 1/m, world axes.
         """
         if self._publish_transmission is not None:
-            packed = self._coupling.pack(CouplingMatrices(stamp_ns, matrices))
-            self._publish_transmission.publish(self._transmission_encoder.encode(packed))
+            published = CouplingMatrices(stamp_ns, matrices)
+            self._publish_transmission.publish(self._coupling.encode(published))
 
     def _place(self, name: str, grasp: Array) -> None:
         """Move another operational point to the place published by the mechanism."""
@@ -365,15 +364,11 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
             (self._publish_inertia, found.inverse_inertia),
             (self._publish_projector, found.constraint_projector),
         ):
-            if outlet.wanted:
-                outlet.publish(encode_matrix("row", "column", matrix))
+            outlet.offer(encode_matrix, "row", "column", matrix)
         if self._publish_wrenches.wanted:
             wrenches = np.zeros((6, count))
             if count:
                 wrenches[found.rows] = found.spectrum.wrenches[:, -count:]
             self._publish_wrenches.publish(encode_matrix("wrench", "constraint", wrenches))
-        if self._publish_spectrum.wanted:
-            mu = found.spectrum.mu.reshape(-1, 1)
-            self._publish_spectrum.publish(encode_matrix("mu", "value", mu))
-        if self._publish_count.wanted:
-            self._publish_count.publish(encode_byte(count))
+        self._publish_spectrum.offer(encode_matrix, "mu", "value", found.spectrum.mu.reshape(-1, 1))
+        self._publish_count.offer(encode_byte, count)

@@ -123,7 +123,7 @@ class OperatingState:
         self._actor.node.end()
 
     def _pause(self) -> None:
-        self._refuse_in_lockstep("pause")
+        self._actor.refuse_in_lockstep("state_command", "pause", "be commanded")
         self._paused = True
         self._stop()
 
@@ -134,14 +134,9 @@ class OperatingState:
         self._homed = True
 
     def _unhome(self) -> None:
-        self._refuse_in_lockstep("unhome")
+        self._actor.refuse_in_lockstep("state_command", "unhome", "be commanded")
         self._homed = False
         self._stop()
-
-    def _refuse_in_lockstep(self, word: str) -> None:
-        if self._actor.lockstep:
-            rule = "cannot be commanded in lockstep, whose runs repeat"
-            raise InvalidInputError("state_command", word, rule)
 
     def _stop(self) -> None:
         if self._actor.node.active:

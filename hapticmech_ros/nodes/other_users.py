@@ -15,10 +15,10 @@ from typing import Any
 
 from hapticmech_ros.control.other_hands import OtherHands, received_directly
 from hapticmech_ros.nodes.actor import Actor, ClockedActor
-from hapticmech_ros.nodes.inputs import Latest, Stamped
+from hapticmech_ros.nodes.inputs import Latest
 from hapticmech_ros.nodes.local_loop import FRESH_NS, LocalLoop
 from hapticmech_ros.nodes.messages import check_age
-from hapticmech_ros.nodes.sources import Sources
+from hapticmech_ros.nodes.sources import Sources, first_fault
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.wire.bounds import message_bounds, read
 from hapticmech_ros.wire.layouts import CouplingMatrices, CouplingWire
@@ -38,14 +38,15 @@ class CouplingGuard:
         self._watched: dict[str, Sources] = {}
         self._warned = False
 
-    def watch(self, topic: str) -> Sources | None:
+    def watch(self, topic: str) -> Sources:
         """Return the ``Sources`` of a topic, to be notified of its messages' origins.
 
-        None in lockstep, where awaited messages are never dropped.
+        In lockstep it is not looked at: awaited messages are never dropped there.
         """
-        if self._actor.lockstep:
-            return None
-        return self._watched.setdefault(topic, self._actor.sources(topic))
+        sources = self._actor.sources(topic)
+        if not self._actor.lockstep:
+            self._watched[topic] = sources
+        return sources
 
     def doubtful(self, now_ns: int) -> list[str]:
         """Return the topics that must not be used now, and log when the first of them comes."""
@@ -58,7 +59,7 @@ class CouplingGuard:
 
     def fault(self, now_ns: int) -> str:
         """Return a sentence that names two publishers of one topic; empty if there are none."""
-        return next((text for one in self._watched.values() if (text := one.fault(now_ns))), "")
+        return first_fault(self._watched.values(), now_ns)
 
     def forget(self) -> None:
         """Forget the publishers."""
@@ -78,7 +79,8 @@ class Transmissions:
         self._actor, self._go_on = actor, go_on
         self._wire = CouplingWire(actor.other_points, actor.limits)
         self._latest: Latest[CouplingMatrices] = Latest()
-        self._stamped: Stamped[CouplingMatrices] = Stamped()
+        # In lockstep, by stamp, ns.
+        self._stamped: dict[int, CouplingMatrices] = {}
         self._guard = CouplingGuard(actor)
         if actor.other_points:
             name, qos = TRANSMISSION.of(actor.point), actor.control_input
@@ -92,15 +94,15 @@ class Transmissions:
 
     def reset(self) -> None:
         """Forget messages of lockstep."""
-        self._stamped = Stamped()
+        self._stamped = {}
 
     def take(self, stamp_ns: int) -> bool:
         """Let the message of a time (ns) count, in lockstep; return whether it is there."""
         if not self._actor.other_points:
             return True
-        if not self._stamped.has(stamp_ns):
+        if stamp_ns not in self._stamped:
             return False
-        self._latest.put(self._stamped.take(stamp_ns), stamp_ns)
+        self._latest.put(self._stamped.pop(stamp_ns), stamp_ns)
         return True
 
     def at(self, stamp_ns: int, now_ns: int) -> Mapping[str, Array]:
@@ -124,7 +126,7 @@ class Transmissions:
         found = self._wire.unpack(values)
         check_age(found.stamp_ns, now_ns, self._actor.age_limit_ns)
         if self._actor.lockstep:
-            self._stamped.put(found, found.stamp_ns)
+            self._stamped[found.stamp_ns] = found
             self._go_on(found.stamp_ns)
         else:
             self._latest.put(found, found.stamp_ns)

@@ -293,7 +293,7 @@ class PlainMessages:
             self._hearers.append(hearers)
             topic.targets[: len(numbers)], row.hearers = numbers, len(hearers)
             row.number = outlet.published
-            row.sent = lane.sent(outlet.number)
+            row.sent = lane.sent[outlet.number]
             row.unsent = row.left = 0
         return True
 
@@ -393,11 +393,11 @@ class PlainMessages:
         return turn.view(self._view())
 
     def _view(self) -> Callable[[], None]:
-        exchange, failures = self._actor.node.exchange, self._actor.failures
+        exchange, meet = self._actor.node.exchange, self._actor.failures.met
         try:
-            return partial(exchange.run_view, failures, self.view())
+            return partial(exchange.run_view, meet, self.view())
         except Exception as error:  # noqa: BLE001 - as in run_view
-            return partial(exchange.fail_view, failures, error)
+            return partial(exchange.fail_view, meet, error)
 
     @property
     def has_news(self) -> bool:
@@ -491,8 +491,8 @@ class PlainMessages:
         """
         row = topic.sending
         number, sent, left = outlet.number, row.sent, bool(row.left)
-        lane.note_sent(number, sent)
-        outlet.note_published(row.number - left)
+        lane.sent[number] = sent
+        outlet.published = row.number - left
         if not (left or row.unsent):
             return
         message = self._bytes(topic.frame, row.length)

@@ -10,7 +10,6 @@ from typing import TypeVar
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.device import SimulatedDevice
 from hapticmech_ros.device.real_device import RealDevice
 from hapticmech_ros.device.safety import MotionCheck
 from hapticmech_ros.errors import InvalidInputError
@@ -26,23 +25,16 @@ D = TypeVar("D", bound=MountedParameters)
 class RealDeviceDriver(DeviceDriver[D]):
     """Exchanges a command for a sample at each deadline; publishes nothing without the device."""
 
+    device: RealDevice
+
     def __init__(self, node: Host, parameters: D) -> None:
         if parameters.lockstep:
             raise InvalidInputError("lockstep", True, "must be false: a real device has real time")
-        self._was_there = False
         super().__init__(node, parameters)
+        self._was_there = False
         self._motion = MotionCheck(self.scene.device, self.period_s)
         if warning := pose_without_torques(self.scene):
             node.get_logger().warning(warning)
-
-    def real_device(self) -> RealDevice:
-        """Return the device that is driven."""
-        raise NotImplementedError
-
-    def new_device(self) -> SimulatedDevice:
-        """Return the device that is driven."""
-        self._real = self.real_device()
-        return self._real
 
     @property
     def mounting(self) -> Array:
@@ -54,8 +46,7 @@ class RealDeviceDriver(DeviceDriver[D]):
     def apply_parameters(self, parameters: D) -> None:
         """Take new parameters: the device's silence counts from now on."""
         super().apply_parameters(parameters)
-        if self._poses is not None:
-            self._real.silence = self.command_timeout
+        self.device.silence = self.command_timeout
 
     def steps(self, periods: int, deadline_ns: int) -> Iterator[tuple[int, int]]:
         """Yield one step, after any number of periods: a real device cannot catch up."""
@@ -64,40 +55,40 @@ class RealDeviceDriver(DeviceDriver[D]):
 
     def unavailable(self) -> str:
         """Return why the device gives no force; empty if it does."""
-        return self._real.problem or self._motion.fault
+        return self.device.problem or self._motion.fault
 
     def has_sample(self) -> bool:
         """Return whether the device has answered in this period."""
-        return self._real.fresh
+        return self.device.fresh
 
     def tick(self, periods: int, deadline_ns: int) -> None:
         """Exchange a command for a sample, and publish it; without a device, look for one."""
-        is_there = self._real.look()
+        is_there = self.device.look()
         if is_there and not self._was_there:
             # At its present place, and without a force: a hand may have moved it meanwhile.
             self._motion.restart()
             self.activate()
         elif self._was_there and not is_there:
-            self._warn(self._real.problem)
+            self._warn(self.device.problem)
             self.put_at_zero()
         self._was_there = is_there
         if is_there:
             super().tick(periods, deadline_ns)
-            if self._real.fresh:
+            if self.device.fresh:
                 # Before the next command, which is made for this sample.
                 self._motion.check(self._sample(), self.now_ns())
-        self.buttons.publish(self._real.buttons, deadline_ns)
+        self.buttons.publish(self.device.buttons, deadline_ns)
 
     def put_at_zero(self) -> None:
         """Put the actuators at zero now."""
-        self._real.let_go()
+        self.device.let_go()
         super().put_at_zero()
 
     def figures(self, now_ns: int) -> Mapping[str, str]:
         """Return the device's entries for diagnostics."""
-        return {**self._real.figures(), "motion_faults": str(self._motion.faults)}
+        return {**self.device.figures(), "motion_faults": str(self._motion.faults)}
 
     def close(self) -> None:
         """Leave the device without a wrench."""
-        self._real.close()
+        self.device.close()
         super().close()

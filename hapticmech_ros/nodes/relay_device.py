@@ -96,7 +96,7 @@ class RelayDevice(RealDeviceDriver[RelayParameters]):
 
     name = "relay_device"
     parameters_type = RelayParameters
-    _axes_device: AxesDevice
+    device: AxesDevice
 
     def __init__(self, node: Host, parameters: RelayParameters) -> None:
         self._names = tuple(parameters.axes.split())
@@ -109,7 +109,7 @@ class RelayDevice(RealDeviceDriver[RelayParameters]):
         if parameters.button_topic:
             self.input(parameters.button_topic, Joy, STREAM_PUBLISHER, self._on_buttons)
 
-    def real_device(self) -> RealDevice:
+    def new_device(self) -> AxesDevice:
         """Return the device behind the topics."""
         given, node = self.parameters, self.node
         topic, kind = given.joint_command_topic, Float64MultiArray
@@ -119,14 +119,13 @@ class RelayDevice(RealDeviceDriver[RelayParameters]):
             publisher.publish(Float64MultiArray(data=efforts.tolist()))
 
         silence, torques = self.command_timeout, given.torques
-        self._axes_device = AxesDevice(
+        return AxesDevice(
             self.scene, self.mounting, send, torques, silence, lambda: self.now_ns() / NANOSECONDS
         )
-        return self._axes_device
 
     def _on_buttons(self, message: Joy, now_ns: int) -> None:
         del now_ns
-        self._axes_device.buttons = joy_buttons(message)
+        self.device.buttons = joy_buttons(message)
 
     def _on_state(self, message: JointState, now_ns: int) -> None:
         """Take a state of all axes; one of others is none of ours."""
@@ -147,4 +146,4 @@ class RelayDevice(RealDeviceDriver[RelayParameters]):
             rotation = pin.exp3(np.array((position[3], 0.0, 0.0)))
             rotation = rotation @ pin.exp3(np.array((0.0, position[4], 0.0)))
             rotation = rotation @ pin.exp3(np.array((0.0, 0.0, position[5])))
-        self._axes_device.receive(Measured(position[:3], velocity[:3], rotation))
+        self.device.receive(Measured(position[:3], velocity[:3], rotation))

@@ -63,7 +63,6 @@ class RobotFollower(ClockedActor[FollowerParameters]):
     phase = 0.75
 
     def __init__(self, node: Host, parameters: FollowerParameters) -> None:
-        self._follower: Follower | None = None
         if parameters.lockstep:
             raise InvalidInputError("lockstep", True, "must be false: a robot has real time")
         if not parameters.robot:
@@ -124,16 +123,13 @@ class RobotFollower(ClockedActor[FollowerParameters]):
 
     def activate(self) -> None:
         """Follow once joints and target are received from now on."""
-        if self._follower is not None:
-            self._follower = self._new_follower(self.parameters)
-            self._port.begin()
+        self._follower = self._new_follower(self.parameters)
+        self._port.begin()
         for sources in self._speakers.values():
             sources.forget()
 
     def deactivate(self) -> None:
         """Leave the robot with its weight compensated, or at rest, and the mechanism without it."""
-        if self._follower is None:
-            return
         order = self._follower.last()
         if order is not None:
             self._send(order, self.now_ns())
@@ -146,8 +142,6 @@ class RobotFollower(ClockedActor[FollowerParameters]):
     def tick(self, periods: int, deadline_ns: int) -> None:
         """Command the robot's controller, and put the robot's contact on the mechanism."""
         del periods, deadline_ns
-        if self._follower is None:
-            return
         now = self.now_ns()
         order = self._follower.order(now / NANOSECONDS)
         if order is None:
@@ -167,31 +161,30 @@ class RobotFollower(ClockedActor[FollowerParameters]):
         faults = [sources.fault(now) for sources in self._speakers.values()]
         fault = "; ".join(filter(None, faults))
         follower = self._follower
-        follows = follower is not None and follower.follows and not fault
-        counts = {} if follower is None else dict(follower.counts.figures())
+        follows = follower.follows and not fault
         sentence = "the robot follows" if follows else fault or self._trouble
         port = {
             "feedback_energy": f"{self._port.given:.3g}",
             "feedback_changed": str(self._port.changed),
         }
-        rates = {} if follower is None else _rates(follower.tuning)
-        return (
-            follows,
-            sentence,
-            {"fault": fault, **self.clock_figures(), **counts, **rates, **port},
-        )
+        figures = {
+            "fault": fault,
+            **self.clock_figures(),
+            **dict(follower.counts.figures()),
+            **_rates(follower.tuning),
+            **port,
+        }
+        return follows, sentence, figures
 
     def validate_parameters(self, parameters: FollowerParameters) -> None:
         """Refuse rates that are none, and an observer that would begin or end."""
-        if self._follower is not None:
-            self._follower.check_change(self._tuning(parameters))
+        self._follower.check_change(self._tuning(parameters))
 
     def apply_parameters(self, parameters: FollowerParameters) -> None:
         """Take new parameters: feedback acts from now on, rates pass to the new ones."""
         super().apply_parameters(parameters)
-        if self._follower is not None:
-            self._port.settings = self._feedback(parameters)
-            self._follower.tune(self._tuning(parameters), self.now_ns() / NANOSECONDS)
+        self._port.settings = self._feedback(parameters)
+        self._follower.tune(self._tuning(parameters), self.now_ns() / NANOSECONDS)
 
     def _new_law(self, parameters: FollowerParameters) -> OperationalLaw:
         limits = numbers_in("torque_limits", parameters.torque_limits)
@@ -288,7 +281,7 @@ class RobotFollower(ClockedActor[FollowerParameters]):
         """Take a state of all joints, from one publisher; one of others is none of ours."""
         self._refuse_two(self.parameters.joint_state_topic, now_ns)
         found = joints_read(message, self._names)
-        if found is None or self._follower is None:
+        if found is None:
             return
         for what, values in zip(("position", "velocity"), found, strict=True):
             if not (np.abs(values) <= LARGEST).all():
@@ -309,15 +302,13 @@ class RobotFollower(ClockedActor[FollowerParameters]):
         # Sent just before it, of the same sample; an older one carries nothing on.
         is_of_now = abs(stamp - self._twist_ns) <= self._target_timeout_ns
         twist = self._twist if is_of_now else np.zeros(6)
-        if self._follower is not None:
-            self._follower.update_target(pose, twist, stamp / NANOSECONDS)
+        self._follower.update_target(pose, twist, stamp / NANOSECONDS)
 
     def _on_wrench(self, message: WrenchStamped, now_ns: int) -> None:
         frame = self._known_frame(self.parameters.wrench_frame or message.header.frame_id)
         wrench = read_wrench(message, self.wrenches, message.header.frame_id)
         stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=True)
-        if self._follower is not None:
-            self._follower.update_wrench(wrench, stamp / NANOSECONDS, frame)
+        self._follower.update_wrench(wrench, stamp / NANOSECONDS, frame)
 
     def _known_frame(self, frame: str) -> str:
         """Return the frame that a wrench is given in, as it is.
@@ -337,11 +328,9 @@ class RobotFollower(ClockedActor[FollowerParameters]):
 
     def _on_tare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         del request
-        return self.failures.answer(TARE_SENSOR, self._tare, response, "the sensor is tared")
-
-    def _tare(self) -> None:
-        if self._follower is not None:
-            self._follower.tare()
+        return self.failures.answer(
+            TARE_SENSOR, self._follower.tare, response, "the sensor is tared"
+        )
 
     def _refuse_two(self, topic: str, now_ns: int) -> None:
         """Refuse a topic with two publishers where one is allowed: the robot stops."""

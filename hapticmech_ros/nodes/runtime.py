@@ -27,7 +27,7 @@ from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.loop import (
     StopRequest,
     prepare_loops,
-    print_report,
+    print_line,
     run_each,
     run_until,
     wake_up_in_time,
@@ -109,7 +109,7 @@ def run(names: Sequence[str], arguments: Sequence[str], starting: QuickStart) ->
         for node in nodes:
             node.report_status(last=True)
             if SHOWN not in os.environ:
-                print_report(node)
+                print_line(node.final_report())
             node.end()
         for node in nodes:
             node.acknowledged()

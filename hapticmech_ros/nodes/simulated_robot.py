@@ -16,13 +16,18 @@ from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import authored_state, build_tree
 from hapticmech_ros.nodes.actor import ClockedActor, Host, LastValidState
 from hapticmech_ros.nodes.inputs import Latest, numbers_in
-from hapticmech_ros.nodes.messages import CONTROL_SUBSCRIBER, STREAM_PUBLISHER, set_stamp
+from hapticmech_ros.nodes.messages import (
+    CONTROL_SUBSCRIBER,
+    STREAM_PUBLISHER,
+    set_stamp,
+    wrench_message,
+)
 from hapticmech_ros.nodes.robot_parameters import SimulatedRobotParameters
 from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.quaternions import turned
 from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.robot.interfaces import servo_torque
 from hapticmech_ros.robot.mujoco_robot import Around, MujocoRobot, Wall
-from hapticmech_ros.wire.stamped import seconds_of
 
 # Least number of MuJoCo's steps in a period, and Hz of the joints' servo, which is no slower than
 # that of a robot's own controller, whatever the control rate is.
@@ -129,14 +134,8 @@ class SimulatedRobot(ClockedActor[SimulatedRobotParameters]):
 
     def _contact(self, time_ns: int) -> WrenchStamped:
         """Return the wrench of a sensor at the tool, in the axes of the tool."""
-        wrench, turn = self._robot.contact_wrench(), self._robot.pose.rotation.T
-        message = WrenchStamped()
-        message.header.frame_id = self.point
-        message.header.stamp.sec, message.header.stamp.nanosec = seconds_of(time_ns)
-        force, torque = message.wrench.force, message.wrench.torque
-        force.x, force.y, force.z = (turn @ wrench[:3]).tolist()
-        torque.x, torque.y, torque.z = (turn @ wrench[3:]).tolist()
-        return message
+        wrench = turned(self._robot.contact_wrench(), self._robot.pose.rotation.T)
+        return wrench_message(wrench, time_ns, self.point)
 
     def _on_array(self, message: Float64MultiArray, now_ns: int) -> None:
         self._take(message.data, now_ns)

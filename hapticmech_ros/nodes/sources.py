@@ -15,7 +15,7 @@ already.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
@@ -328,6 +328,11 @@ class Sources:
         return " and ".join(distinct)
 
 
+def first_fault(sources: Iterable[Sources], now_ns: int) -> str:
+    """Return a sentence that names two publishers of one topic; empty if none has two."""
+    return next((fault for one in sources if (fault := one.fault(now_ns))), "")
+
+
 STOPPED = "emergency stop"
 
 
@@ -351,4 +356,4 @@ class CommandGuard:
         """Return why the device must not obey; empty if it may."""
         if self.stopped:
             return STOPPED
-        return next((fault for one in self._sources if (fault := one.fault(now_ns))), "")
+        return first_fault(self._sources, now_ns)

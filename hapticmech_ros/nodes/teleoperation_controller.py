@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property, partial
+from functools import partial
 
 import numpy as np
 from std_msgs.msg import Float64MultiArray
@@ -33,8 +33,7 @@ from hapticmech_ros.nodes.controller_ports import (
     DevicePath,
     EngagementLog,
 )
-from hapticmech_ros.nodes.exchange import Outlet
-from hapticmech_ros.nodes.inputs import NEVER, Latest, Stamped
+from hapticmech_ros.nodes.inputs import NEVER, Latest
 from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.other_users import Transmissions
 from hapticmech_ros.nodes.parameters import ControllerParameters
@@ -44,7 +43,7 @@ from hapticmech_ros.nodes.plain_messages import (
     Publication,
     Received,
 )
-from hapticmech_ros.nodes.sources import Origin, Sources
+from hapticmech_ros.nodes.sources import Origin, Sources, first_fault
 from hapticmech_ros.nodes.timeouts import (
     CONTROLLER_INPUT,
     Losses,
@@ -80,7 +79,7 @@ class SampleAnswers(PlainMessages):
         actor: the controller.
         device: publishers of the samples.
         analyser: publishers of the operational models.
-        outputs: outlets of the commands to device and mechanism, and of the local feedback gain.
+        outputs: the controller's topics.
         crtk: CRTK topics with the same data as the samples, and the publishers of each.
     """
 
@@ -89,7 +88,7 @@ class SampleAnswers(PlainMessages):
         actor: TeleoperationController,
         device: Sources,
         analyser: Sources,
-        outputs: tuple[Outlet, Outlet, Outlet],
+        outputs: ControllerOutputs,
         crtk: Sequence[tuple[str, Sources]],
     ) -> None:
         received = []
@@ -106,13 +105,15 @@ class SampleAnswers(PlainMessages):
             awaited = sources is device
             received.append(Received(topic, sources, prefix, bounds.most, awaited=awaited))
         command, gain = PlainCommand(actor.wrenches), FlatArray(LocalFeedbackGain.layout)
-        *commands, gains = outputs
-        published = [Publication(outlet, command.prefix, command.most) for outlet in commands]
         gain_most = message_bounds(LocalFeedbackGain, actor.limits).most
-        published.append(Publication(gains, gain.prefix, gain_most))
+        published = [
+            Publication(outputs.to_device, command.prefix, command.most),
+            Publication(outputs.to_point, command.prefix, command.most),
+            Publication(outputs.to_gain, gain.prefix, gain_most),
+        ]
         self.link = own.ControllerLink()
         super().__init__(actor, received, published, self.link, crtk)
-        self._controller = actor
+        self._controller, self._topics = actor, outputs
         self._known, self._grasp = OperationalModelSample(), np.zeros(GRASP_SIZE)
         self._answer, self._round_trips = Answer(), np.zeros(2)
         self._settings, self._locality = ControllerSettings(), Locality()
@@ -172,10 +173,10 @@ class SampleAnswers(PlainMessages):
 
     def view(self) -> Callable[[], None]:
         """Return a function that publishes the views of the last answer."""
-        actor, stamp_ns = self._controller, self.link.sample_ns
+        account, stamp_ns = self._controller.side.account, self.link.sample_ns
         answer = ControllerCommand(Answer(self._answer.values.copy()), stamp_ns)
-        energies = ControllerEnergies(actor.side.account.energies.values.copy())
-        return partial(actor.publish_view, answer, energies)
+        energies = ControllerEnergies(account.energies.values.copy())
+        return partial(self._topics.publish_view, answer.wrenches, stamp_ns, energies)
 
 
 class TeleoperationController(Actor[ControllerParameters]):
@@ -189,6 +190,7 @@ class TeleoperationController(Actor[ControllerParameters]):
 
     Attributes:
         bounds: of received numbers.
+        path: the connection to the device.
         side: the rendering controller.
         motion: checks whether samples are possible motions of the device.
         engagements, grasps: how often it engaged, and how often the grasp moved while engaged.
@@ -200,9 +202,12 @@ class TeleoperationController(Actor[ControllerParameters]):
     longest_wait_ns = 5_000_000
 
     def __init__(self, node: Host, parameters: ControllerParameters) -> None:
+        super().__init__(node, parameters)
         self._clutch: Clutch | None = None
         self._epoch_ns = 0
-        super().__init__(node, parameters)
+        self._control = ControlArchitecture(self.scene)
+        self.path = DevicePath(self.scene, node.get_logger().warning)
+        self.apply_parameters(parameters)
         self.bounds = reading_bounds(self.limits)
         self._grasp = b""
         self.side = self._new_side()
@@ -218,8 +223,9 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._command_stamps = 0, 0
         self._model: Latest[OperationalModelMessage] = Latest()
         self._outputs = ControllerOutputs(self, lambda: self._crtk.rotation)
-        self._devices: Stamped[Array] = Stamped()
-        self._models: Stamped[OperationalModelMessage] = Stamped()
+        # In lockstep, by stamp, ns.
+        self._devices: dict[int, Array] = {}
+        self._models: dict[int, OperationalModelMessage] = {}
         self.loop_warning = loop_warning(self.scene, self.point, self._tuned)
         if self.loop_warning:
             node.get_logger().warning(self.loop_warning)
@@ -260,19 +266,9 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._transmissions = Transmissions(self, self._answer_pair)
         self._crtk.listen()
         self._buttons = ButtonInput(self)
-        outputs = self._outputs.to_device, self._outputs.to_point, self._outputs.to_gain
-        self._plain = SampleAnswers(self, device, analyser, outputs, self._crtk.streams)
+        self._plain = SampleAnswers(self, device, analyser, self._outputs, self._crtk.streams)
         self._log = EngagementLog(node.get_logger, self.now_ns)
         node.every(PERIOD_S, self._log.report_counts, self._log.has_counts)
-
-    @cached_property
-    def _control(self) -> ControlArchitecture:
-        return ControlArchitecture(self.scene)
-
-    @cached_property
-    def path(self) -> DevicePath:
-        """The connection to the device."""
-        return DevicePath(self.scene, self.node.get_logger().warning)
 
     @property
     def _tuned(self) -> Controller:
@@ -309,13 +305,9 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._single.append(self.sources(topic))
         return self._single[-1]
 
-    def _rivals(self, now_ns: int) -> str:
-        """Return a sentence on two publishers where one is allowed; empty if there are none."""
-        return next((fault for one in self._single if (fault := one.fault(now_ns))), "")
-
     def _fault(self, now_ns: int) -> str:
         """Return the fault for which nothing may be rendered; empty if there is none."""
-        return self._rivals(now_ns) or self.motion.fault
+        return first_fault(self._single, now_ns) or self.motion.fault
 
     def _time_s(self, now_ns: int) -> float:
         return (now_ns - self._epoch_ns) / NANOSECONDS
@@ -346,11 +338,10 @@ class TeleoperationController(Actor[ControllerParameters]):
     def reset(self) -> None:
         """Disengage, send zero to both sides, and restart with new controllers and accounts."""
         self._clutch = self._arrived = None
-        # Created on next use.
-        self.__dict__.pop("_control", None)
+        self._control = ControlArchitecture(self.scene)
         self.apply_parameters(self.parameters)
         self.side = self._new_side()
-        self._devices, self._models = Stamped(), Stamped()
+        self._devices, self._models = {}, {}
         self._transmissions.reset()
         self.activate()
         now = self.now_ns()
@@ -401,7 +392,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._state_ns, self._local = now_ns, True
         self._device_pauses.received(stamp, self._of_device.latest, now_ns)
         if self.lockstep:
-            self._devices.put(device, stamp)
+            self._devices[stamp] = device
             self._answer_pair(stamp)
         elif not received:
             self._last_ns = now_ns  # the device is alive, but a newer sample was answered
@@ -412,11 +403,11 @@ class TeleoperationController(Actor[ControllerParameters]):
 
     def _answer_pair(self, stamp: int) -> None:
         """Answer in lockstep once all inputs of one time, ns, have arrived."""
-        if not (self._devices.has(stamp) and self._models.has(stamp)):
+        if not (stamp in self._devices and stamp in self._models):
             return
         if not self._transmissions.take(stamp):
             return
-        device, model = self._devices.take(stamp), self._models.take(stamp)
+        device, model = self._devices.pop(stamp), self._models.pop(stamp)
         self._last_ns = stamp
         self._answer_to(device, model, stamp, stamp)
 
@@ -427,7 +418,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         """
         if self.lockstep:
             return False
-        if rivals := self._rivals(now_ns):
+        if rivals := first_fault(self._single, now_ns):
             self._disengage_at(rivals)
             return False
         return now_ns - self._state_ns > NANOSECONDS
@@ -660,15 +651,6 @@ class TeleoperationController(Actor[ControllerParameters]):
             outputs.gain(answer, stamp_ns)
         outputs.view(answer.wrenches, answered_ns, side.account.energies)
 
-    def publish_view(self, answer: ControllerCommand, energies: ControllerEnergies) -> None:
-        """Publish the views of an answer.
-
-        Args:
-            answer: to a sample.
-            energies: of the controllers at that time.
-        """
-        self._outputs.publish_view(answer.wrenches, answer.answered_ns, energies)
-
     def _disengage_for(
         self,
         lost: Sequence[str],
@@ -709,7 +691,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._model_pauses.received(found.stamp_ns, self._of_analyser.latest, now_ns)
         self.ages.add(now_ns - found.stamp_ns)
         if self.lockstep:
-            self._models.put(found, found.stamp_ns)
+            self._models[found.stamp_ns] = found
             self._answer_pair(found.stamp_ns)
         elif self.path.paced:
             self._answer_paced(found, now_ns)

@@ -29,6 +29,7 @@ from hapticmech_ros.wire.bounds import (
     message_bounds,
     twist_bounds,
 )
+from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.kernels import write_operational_model
 from hapticmech_ros.wire.messages import (
     STAMP,
@@ -162,6 +163,15 @@ class CouplingWire:
         matrices = dict.fromkeys(self._others, _SQUARE)
         self.fields = Layout({"stamp": STAMP, **matrices})
         self.bounds: Bounds = bounds_of("coupling", self.fields, limits)
+        self._array = FlatArray(self.fields, self.bounds)
+
+    def encode(self, found: CouplingMatrices) -> bytes:
+        """Return the serialized message.
+
+        Raises:
+            OutputError: a number beyond its bounds, or a time that no stamp can hold.
+        """
+        return self._array.encode(self.pack(found))
 
     def pack(self, found: CouplingMatrices) -> Array:
         """Return a message's data (n,); zero for a point that ``by_point`` has not."""

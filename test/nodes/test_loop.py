@@ -14,7 +14,7 @@ from types import SimpleNamespace
 import pytest
 
 from hapticmech_ros.nodes import loop
-from hapticmech_ros.nodes.loop import print_report, run_each, run_until
+from hapticmech_ros.nodes.loop import print_line, run_each, run_until
 
 # Python has taken its own handlers away when it clears modules; what is told there comes last.
 ENDS = """
@@ -45,7 +45,7 @@ def test_a_second_signal_does_not_kill_a_process_that_ends(name: str) -> None:
 def test_the_last_line_is_one_write(monkeypatch: pytest.MonkeyPatch) -> None:
     pieces: list[str] = []
     monkeypatch.setattr(sys, "stdout", SimpleNamespace(write=pieces.append, flush=int))
-    print_report(SimpleNamespace(final_report=lambda: "device: rendered"))
+    print_line("device: rendered")
     assert pieces == ["device: rendered\n"]
 
 

@@ -53,7 +53,7 @@ class Left:
     def gain(self, stamp_ns: int, gain: float = H) -> bytes:
         """Return a ``coupling_gain`` in bytes."""
         told = CouplingMatrices(stamp_ns, {"right": np.diag([gain, 0.0, 0.0, 0.0, 0.0, 0.0])})
-        return bytes(FlatArray(self.wire.fields).encode(self.wire.pack(told)))
+        return self.wire.encode(told)
 
     def tick(self, *silent: str) -> None:
         """Let a period go by, and all but some topics be spoken on."""

@@ -34,7 +34,7 @@ from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.nodes.lane import Lane
 from hapticmech_ros.nodes.mechanism_simulator import MechanismSimulator
 from hapticmech_ros.nodes.nullspace_analyser import NullspaceAnalyser
-from hapticmech_ros.nodes.sources import Origin
+from hapticmech_ros.nodes.sources import Origin, first_fault
 from hapticmech_ros.nodes.teleoperation_controller import TeleoperationController
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.analysis import ContactWrenches
@@ -421,7 +421,7 @@ def test_states_are_answered_as_python_answers_them(
         analyser.exchange._copies[state].underway.clear()
         assert actor._mechanisms.latest.number == analyser.peers[0].number
         found.append(got)
-    assert analyser.exchange.lane.sent(actor._publish_model.number) > 2 * len(plain)
+    assert analyser.exchange.lane.sent[actor._publish_model.number] > 2 * len(plain)
     assert len(found[0]) == len(plain)
     assert found[0] == found[1]
 
@@ -1173,7 +1173,7 @@ def test_what_a_device_says_beside_its_samples_needs_no_python(
     codes.clear()
     assert sources.latest.sent == sent + 20
     assert sources.latest.number == 0
-    assert not actor._rivals(controller.host.now_ns())
+    assert not first_fault(actor._single, controller.host.now_ns())
     # The copy is known by the message's bytes.
     speak(both=True)
     assert lane_kernels.TO_READ in codes
@@ -1184,7 +1184,7 @@ def test_what_a_device_says_beside_its_samples_needs_no_python(
     def noticed() -> bool:
         # At the latest before a sample is answered.
         device.speak(inputs.next()[0])
-        return bool(actor._rivals(controller.host.now_ns()))
+        return bool(first_fault(actor._single, controller.host.now_ns()))
 
     controller.until(noticed)
 

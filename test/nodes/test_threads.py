@@ -136,7 +136,7 @@ def test_who_does_not_listen_is_deaf_until_he_does_again(
     executor, exchange, threads = process
     monkeypatch.setattr(turn, "DEAF_NS", 150_000_000)
     wait_for(threads.have_listened, exchange)
-    assert not exchange.is_deaf
+    assert not exchange.turn.is_deaf
     goes_on, began = threading.Event(), threading.Event()
 
     def stand() -> None:
@@ -146,12 +146,12 @@ def test_who_does_not_listen_is_deaf_until_he_does_again(
     executor.queue.put(stand)
     assert began.wait(20.0)
     begun = time.monotonic()
-    wait_for(lambda: exchange.is_deaf, exchange)
+    wait_for(lambda: exchange.turn.is_deaf, exchange)
     assert time.monotonic() - begun > 0.05
     threads.have_listened()
     assert not threads.have_listened()
     goes_on.set()
-    wait_for(lambda: not exchange.is_deaf, exchange)
+    wait_for(lambda: not exchange.turn.is_deaf, exchange)
     wait_for(threads.have_listened, exchange)
 
 
@@ -179,6 +179,6 @@ def test_without_a_lane_the_loop_is_alone() -> None:
     executor.queue.put(lambda: pytest.fail("ran"))
     with exchange.taken():
         assert threads.have_listened()
-    assert not exchange.is_deaf
+    assert not exchange.turn.is_deaf
     threads.end()
     assert executor.queue.qsize() == 1

@@ -40,11 +40,12 @@ from hapticmech_ros.errors import BagError, HapticMechError, check_positive
 from hapticmech_ros.nodes.bags.recorded_topic import adapted_offer
 from hapticmech_ros.nodes.loop import (
     LONGEST_WAIT_S,
+    SHORTEST_WAIT_S,
     QuietEventsNode,
     StopRequest,
     wait_for_messages,
 )
-from hapticmech_ros.nodes.messages import message_class, wait_until_acknowledged
+from hapticmech_ros.nodes.messages import message_class, set_stamp, wait_until_acknowledged
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 
 Message = tuple[str, int, bytes]
@@ -244,7 +245,6 @@ def _some(messages: Iterator[Message]) -> tuple[list[Message], BagError | None]:
 
 
 CLOCK = "/clock"
-SHORTEST_WAIT_S = 20e-6
 SHORT_WAIT_S = 0.01
 # Messages published in one go when late, before services and keys get their turn.
 LONGEST_BURST = 200
@@ -358,7 +358,7 @@ class BagPlayerNode(QuietEventsNode):
         period = round(NANOSECONDS / self._options.clock_hz)
         self._next_clock_ns += (1 + (now - self._next_clock_ns) // period) * period
         message = Clock()
-        message.clock.sec, message.clock.nanosec = divmod(self.timeline.bag_ns(now), NANOSECONDS)
+        set_stamp(message.clock, self.timeline.bag_ns(now))
         self._clock_out.publish(message)
 
     def wait_s(self, message: Message) -> float:

@@ -51,7 +51,6 @@ class BagSpool:
     Attributes:
         dropped: messages that found the queue full, by topic.
         failure: why writing has ended before its time; the rest is dropped.
-        worst_wait_s: longest time that a write has kept the queue waiting.
     """
 
     def __init__(self, writer: BagWriter) -> None:
@@ -62,7 +61,6 @@ class BagSpool:
         self.dropped: dict[str, int] = {}
         self._lost: dict[str, int | None] = {}
         self.failure: BagError | None = None
-        self.worst_wait_s = 0.0
         self._thread = threading.Thread(target=self._work, name="bag", daemon=True)
         self._thread.start()
 
@@ -122,7 +120,6 @@ class BagSpool:
             except BagError as error:
                 self.failure = error
             self._written_bytes += size
-            self.worst_wait_s = max(self.worst_wait_s, time.monotonic() - begun)
             if self._queue.empty():
                 time.sleep(WRITE_PERIOD_S)
 

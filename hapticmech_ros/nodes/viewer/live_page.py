@@ -205,7 +205,7 @@ class LivePageNode(SceneSubscriber[LiveParameters]):
 
     def _tell(self, now_ns: int) -> None:
         """Send the page the present state; without messages, the last known one."""
-        received = self.inputs.now(now_ns, self._timeout_ns)
+        received = self.inputs.now(now_ns, self.timeout_ns)
         if received is not None:
             self._first_ns = self._first_ns or received.state.stamp_ns
             self.ages.add(now_ns - received.state.stamp_ns)

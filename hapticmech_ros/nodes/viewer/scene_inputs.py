@@ -268,10 +268,10 @@ class SceneSubscriber(ClockedActor[P]):
         self._grasps = flat_grasps(self.shared_scene)
         self._analyse_anew()
 
-    def apply_parameters(self, parameters: P) -> None:
-        """Take new parameters."""
-        super().apply_parameters(parameters)
-        self._timeout_ns = nanoseconds(parameters.input_timeout)
+    @property
+    def timeout_ns(self) -> int:
+        """Age of a message, ns, from which on it is not shown."""
+        return nanoseconds(self.parameters.input_timeout)
 
     def activate(self) -> None:
         """Begin with messages from now on."""

@@ -17,7 +17,7 @@ from typing import Any
 
 import pinocchio as pin
 from geometry_msgs.msg import Point, Pose, TransformStamped, WrenchStamped
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import ColorRGBA, String
 from visualization_msgs.msg import Marker, MarkerArray
@@ -26,11 +26,10 @@ from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.nodes.actor import Actor, Host
 from hapticmech_ros.nodes.exchange import Outlet
-from hapticmech_ros.nodes.messages import LATCHED, WORLD, set_stamp, write_wrench
+from hapticmech_ros.nodes.messages import LATCHED, WORLD, fill_pose, set_stamp, wrench_message
 from hapticmech_ros.nodes.parameters import FROM_NAMESPACE, ViewerParameters
 from hapticmech_ros.nodes.viewer.scene_inputs import Received, SceneSubscriber
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.quaternions import quaternion_of
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.view import (
     JointStates,
@@ -128,20 +127,6 @@ def transform_message(frame: NamedTransform, time_ns: int, prefix: str = "") -> 
     return message
 
 
-def wrench_in(frame: str, wrench: Array, time_ns: int) -> WrenchStamped:
-    """Return a wrench (6,), axes of ``world``, stamped in a frame that has those axes.
-
-    Args:
-        frame: its name.
-        wrench: (6,) N and N m.
-        time_ns: its stamp, ns.
-    """
-    message = WrenchStamped()
-    write_wrench(message, wrench, time_ns)
-    message.header.frame_id = frame
-    return message
-
-
 def prefixed(name: str, prefix: str) -> str:
     """Return the frame's name with ``prefix``; ``world`` has no prefix."""
     return name if name == WORLD else prefix + name
@@ -155,18 +140,12 @@ def _header(marker: Marker, time_ns: int) -> Marker:
 
 def _pose(pose: pin.SE3) -> Pose:
     message = Pose()
-    place, turn = message.position, message.orientation
-    place.x, place.y, place.z = pose.translation.tolist()
-    turn.x, turn.y, turn.z, turn.w = quaternion_of(pose.rotation).tolist()
+    fill_pose(message, pose)
     return message
 
 
 # One message per frame goes out at once: a reader has to get all of them.
 BURST_PUBLISHER = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
-# QoS that tf's listeners expect of /tf_static: the last value for late subscribers.
-STATIC_PUBLISHER = QoSProfile(
-    depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
-)
 TF, TF_STATIC = "/tf", "/tf_static"
 
 
@@ -216,8 +195,9 @@ class SceneOutputs:
         self._tf_type: Any = tf_type
         self._publish_tf: Outlet | None = None
         if tf_type is not None:
-            self._publish_tf = self._tf_publisher(TF, BURST_PUBLISHER)
-            self._publish_tf_static = self._tf_publisher(TF_STATIC, STATIC_PUBLISHER)
+            self._publish_tf = actor.output_named(TF, tf_type, BURST_PUBLISHER)
+            # tf's listeners expect the last value, also late ones.
+            self._publish_tf_static = actor.output_named(TF_STATIC, tf_type, LATCHED)
         self.show_fixed_frames(actor.now_ns())
 
     def looked_at(self) -> bool:
@@ -298,15 +278,11 @@ class SceneOutputs:
     def _show_wrench(
         self, topic: str, point: str, frame: str, wrench: Array | None, time_ns: int
     ) -> None:
-        publisher = self._wrenches[topic, point]
-        if wrench is not None and publisher.wanted:
-            publisher.publish(wrench_in(frame, wrench, time_ns))
+        if wrench is not None:
+            self._wrenches[topic, point].offer(wrench_message, wrench, time_ns, frame)
 
     def _transforms(self, frames: Sequence[NamedTransform], time_ns: int) -> list[TransformStamped]:
         return [transform_message(frame, time_ns, self._prefix) for frame in frames]
-
-    def _tf_publisher(self, name: str, qos: QoSProfile) -> Outlet:
-        return self._actor.output_named(name, self._tf_type, qos)
 
 
 def installed_tf_type() -> Any | None:
@@ -327,7 +303,6 @@ class SceneViewer(SceneSubscriber[ViewerParameters]):
     parameters_type = ViewerParameters
 
     def __init__(self, node: Host, parameters: ViewerParameters) -> None:
-        self._drawn_rate = parameters.marker_rate
         super().__init__(node, parameters)
         self._placer = Placer(self.mechanism)
         self._hulls = Hulls(self.scene)
@@ -351,11 +326,10 @@ class SceneViewer(SceneSubscriber[ViewerParameters]):
 
     def apply_parameters(self, parameters: ViewerParameters) -> None:
         """Take new parameters; a new rate counts from now on."""
+        is_new_rate = parameters.marker_rate != self.parameters.marker_rate
         super().apply_parameters(parameters)
-        if parameters.marker_rate != self._drawn_rate:
-            self._drawn_rate = parameters.marker_rate
-            if self.clock is not None:
-                self.begin(self.now_ns())
+        if is_new_rate and self.clock is not None:
+            self.begin(self.now_ns())
 
     def deactivate(self) -> None:
         """Leave an empty picture, and unsubscribe."""
@@ -365,7 +339,7 @@ class SceneViewer(SceneSubscriber[ViewerParameters]):
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
         """Return whether all topics with subscribers can be drawn."""
-        fresh = self.now_ns() - self._last_ns < self._timeout_ns + NANOSECONDS
+        fresh = self.now_ns() - self._last_ns < self.timeout_ns + NANOSECONDS
         sentence = "drawing" if fresh else f"nothing on {STATE.name}"
         if not self._wanted:
             sentence = "no subscribers"
@@ -378,7 +352,7 @@ class SceneViewer(SceneSubscriber[ViewerParameters]):
         self._wanted = self._outputs.looked_at()
         self.inputs.listen(self._wanted)
         now = self.now_ns()
-        received = self.inputs.now(now, self._timeout_ns)
+        received = self.inputs.now(now, self.timeout_ns)
         if received is None:
             return
         state, outputs = received.state, self._outputs
