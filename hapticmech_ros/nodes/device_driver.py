@@ -493,17 +493,13 @@ class DeviceDriver(ClockedActor[D]):
 
     def deactivate(self) -> None:
         """Set the actuators to zero, and let the hand go."""
-        self._rest()
-        self._operating.publish(active=False)
-
-    def _rest(self) -> None:
         self.put_at_zero()
-        self._state = self.device.at_rest(self._state.pose, home=self._state.home)
+        self._operating.publish(active=False)
 
     def reset(self) -> None:
         """Return to the last valid state, at rest, with the actuators at zero, not held."""
         self._state, self._push = self._last_valid.go_back(self.now_ns()), NO_WRENCH
-        self._rest()
+        self.put_at_zero()
         self.activate()
 
     def ready(self, deadline_ns: int) -> bool:
