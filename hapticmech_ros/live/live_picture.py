@@ -313,7 +313,7 @@ _BALL = 1.6
 DISTANCE = 1.6
 # The ground: squares of at most this share of the picture's size, how far it goes to each side, and
 # how far it is behind a planar mechanism.
-_CELL, _GROUND, _BEHIND = 0.2, 1.5, 0.1
+_CELL, _GROUND, _BEHIND = 0.2, 1.0, 0.1
 # The layer of a model file's drawn shapes, in place of rods.
 VISUALS = "shapes of the model's file"
 # Layers that users may hide, and the prefixes of their shapes' namespaces.

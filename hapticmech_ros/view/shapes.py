@@ -327,7 +327,7 @@ Key = tuple[str, int]
 LONGEST_HEAD = 0.4
 # A ring is open by this share of a turn, which shows its arrowhead; drawn by corners.
 RING_GAP = 0.15
-RING_CORNERS = 40
+RING_CORNERS = 32
 # Shorter than this (m) nothing has a direction.
 _NOTHING = 1e-9
 
