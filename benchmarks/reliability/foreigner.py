@@ -54,7 +54,7 @@ class Foreigner(Node):
         ]
         # What is published, on each topic.
         self._messages = [kind() for kind in kinds.values()]
-        self.create_timer(PERIOD_S, self._publish)
+        self._timer = self.create_timer(PERIOD_S, self._publish)
 
     def _refresh(self) -> None:
         """Bring the messages up to date."""
@@ -119,6 +119,8 @@ class ForeignCommander(Foreigner):
         if wrench:
             self._fill(wrench)
         else:
+            # It answers samples. With a timer as well, rclpy may let it be silent for a second.
+            self._timer.cancel()
             self.create_subscription(
                 Float64MultiArray,
                 topics.DEVICE_STATE.name,
@@ -133,6 +135,7 @@ class ForeignCommander(Foreigner):
             self._held = measured.position.copy()
         away = np.concatenate((measured.position - self._held, np.zeros(3)))
         self._fill(-SPRING * away - DAMPER * measured.twist)
+        self._publish()
 
     def _fill(self, wrench: Sequence[float] | np.ndarray) -> None:
         force, torque = self._messages[0].wrench.force, self._messages[0].wrench.torque

@@ -94,8 +94,11 @@ ARRIVED_NS = NANOSECONDS // 20
 # is checked more often.
 LATE_NS = 3_000_000
 # Two publishers count as two until one of them has been silent for so long: a process may stall for
-# a while.
+# a while. If one sends again within three times as long after that, it is so long times three, up
+# to the last of these: a publisher at 1 Hz must not let force return each second.
 FORGET_NS = NANOSECONDS
+BACKOFF = 3
+LONGEST_FORGET_NS = 9 * NANOSECONDS
 # Names are requested anew so often: messages may come before the middleware lists their publisher
 # or knows its node, and its list keeps dead ones for a while.
 NAMED_NS = NANOSECONDS // 10
@@ -204,6 +207,8 @@ class Sources:
         self.latest = NO_ORIGIN
         self._sources: list[_Source] = []
         self._two = False
+        self._single_ns = -BACKOFF * FORGET_NS
+        self._forget_ns = FORGET_NS
         self._received_ns = 0
         self._named = ""
         self._named_ns = 0
@@ -233,8 +238,19 @@ class Sources:
         else:
             source.received(origin, now_ns)
         if len(self._sources) > 1:
-            self._sources = [one for one in self._sources if one.alive(now_ns, FORGET_NS)]
-        self._two = len(self._sources) > 1
+            self._sources = [one for one in self._sources if one.alive(now_ns, self._forget_ns)]
+        self._count(now_ns)
+
+    def _count(self, now_ns: int) -> None:
+        """Note whether there are two publishers, and for how long one may then be silent."""
+        two = len(self._sources) > 1
+        if two and not self._two:
+            again = now_ns - self._single_ns < BACKOFF * self._forget_ns
+            longer_ns = min(BACKOFF * self._forget_ns, LONGEST_FORGET_NS)
+            self._forget_ns = longer_ns if again else FORGET_NS
+        elif self._two and not two:
+            self._single_ns = now_ns
+        self._two = two
 
     @property
     def only(self) -> Origin | None:
@@ -254,7 +270,7 @@ class Sources:
         if len(on_lane) == 1 and on_lane[0].copied(number):
             # Another publisher's message was taken for it.
             self._add(_Source(MIDDLEWARE, number, _MASK, now_ns), now_ns)
-            self._two = len(self._sources) > 1
+            self._count(now_ns)
 
     def _nearest(self, number: int) -> _Source | None:
         """Return the publisher whose number it can be; of two, the one that lost least."""
@@ -303,7 +319,7 @@ class Sources:
 
     def fault(self, now_ns: int) -> str:
         """Return a sentence that names both if there are two; empty if there are not."""
-        if not self._two or now_ns - self._received_ns > FORGET_NS:
+        if not self._two or now_ns - self._received_ns > self._forget_ns:
             self._named = ""
             return ""
         if not self._named or now_ns - self._named_ns >= NAMED_NS:
