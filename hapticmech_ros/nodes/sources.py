@@ -94,11 +94,11 @@ ARRIVED_NS = NANOSECONDS // 20
 # is checked more often.
 LATE_NS = 3_000_000
 # Two publishers count as two until one of them has been silent for so long: a process may stall for
-# a while. If one sends again within three times as long after that, it is so long times three, up
-# to the last of these: a publisher at 1 Hz must not let force return each second.
+# a while. If there are two again within AGAIN_NS after that, for so much longer: a publisher at 1 Hz
+# must not let force return each second.
 FORGET_NS = NANOSECONDS
-BACKOFF = 3
-LONGEST_FORGET_NS = 9 * NANOSECONDS
+AGAIN_NS = 3 * NANOSECONDS // 2
+LONGER_FORGET_NS = 3 * NANOSECONDS
 # Names are requested anew so often: messages may come before the middleware lists their publisher
 # or knows its node, and its list keeps dead ones for a while.
 NAMED_NS = NANOSECONDS // 10
@@ -207,7 +207,7 @@ class Sources:
         self.latest = NO_ORIGIN
         self._sources: list[_Source] = []
         self._two = False
-        self._single_ns = -BACKOFF * FORGET_NS
+        self._single_ns = -AGAIN_NS
         self._forget_ns = FORGET_NS
         self._received_ns = 0
         self._named = ""
@@ -245,9 +245,8 @@ class Sources:
         """Note whether there are two publishers, and for how long one may then be silent."""
         two = len(self._sources) > 1
         if two and not self._two:
-            again = now_ns - self._single_ns < BACKOFF * self._forget_ns
-            longer_ns = min(BACKOFF * self._forget_ns, LONGEST_FORGET_NS)
-            self._forget_ns = longer_ns if again else FORGET_NS
+            again = now_ns - self._single_ns < AGAIN_NS
+            self._forget_ns = LONGER_FORGET_NS if again else FORGET_NS
         elif self._two and not two:
             self._single_ns = now_ns
         self._two = two

@@ -129,10 +129,8 @@ def test_the_one_that_stays_is_obeyed_again_after_a_second(sources: Sources) -> 
     assert sources.fault(1101 * MS) == ""
 
 
-@pytest.mark.parametrize("period", [1003, 2000, 3500], ids=lambda period: f"{period} ms")
-def test_a_slow_second_lets_the_first_be_obeyed_twice_at_most(
-    sources: Sources, period: int
-) -> None:
+@pytest.mark.parametrize("period", [1003, 2000, 2490], ids=lambda period: f"{period} ms")
+def test_a_slow_second_lets_the_first_be_obeyed_once(sources: Sources, period: int) -> None:
     obeyed, before = 0, True
     for now in range(1, 14000):
         received(sources, 5000 + now, now * MS)
@@ -141,15 +139,14 @@ def test_a_slow_second_lets_the_first_be_obeyed_twice_at_most(
             last = now
         free = not sources.fault(now * MS)
         obeyed, before = obeyed + (free and not before), free
-    assert obeyed <= 2
+    assert obeyed == 1
     # Once it has left, the other is obeyed; and the next second is waited for as the first was.
-    goes_on(sources, range(14000, last + 9001), 19000)
-    goes_on(sources, range(last + 9001, last + 42000), 19000 + last + 9001 - 14000, faulty=False)
-    now = last + 42000
-    received(sources, 3, now * MS)
-    number = 19000 + now - 14000
-    goes_on(sources, range(now, now + 1000), number, faulty=True)
-    goes_on(sources, range(now + 1001, now + 1100), number + 1001, faulty=False)
+    goes_on(sources, range(14000, last + 3001), 19000, faulty=True)
+    goes_on(sources, range(last + 3001, last + 5000), last + 8001, faulty=False)
+    now = last + 5000
+    received(sources, 10**6, now * MS)
+    goes_on(sources, range(now, now + 1001), now + 5000, faulty=True)
+    goes_on(sources, range(now + 1001, now + 1100), now + 6001, faulty=False)
 
 
 def test_two_that_stand_still_for_a_while_are_still_two(sources: Sources) -> None:
