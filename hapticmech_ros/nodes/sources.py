@@ -94,8 +94,8 @@ ARRIVED_NS = NANOSECONDS // 20
 # is checked more often.
 LATE_NS = 3_000_000
 # Two publishers count as two until one of them has been silent for so long: a process may stall for
-# a while. If there are two again within AGAIN_NS after that, for so much longer: a publisher at 1 Hz
-# must not let force return each second.
+# a while. If there are two again within AGAIN_NS after that, for longer: a publisher at 1 Hz must
+# not let force return each second.
 FORGET_NS = NANOSECONDS
 AGAIN_NS = 3 * NANOSECONDS // 2
 LONGER_FORGET_NS = 3 * NANOSECONDS
