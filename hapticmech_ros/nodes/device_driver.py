@@ -566,9 +566,10 @@ class DeviceDriver(ClockedActor[D]):
         state[:] = self._state.flat
         link.next, link.period = clock.next_ns, self.period_ns
         link.timeout, link.fresh = plain_timeout_ns(self.timeout_ns), FRESH_NS
-        link.received, link.received_before = self._command.stamp_ns, self._command.before_ns
+        port, command = link.port, self._command
+        port.received, port.received_before = command.stamp_ns, command.before_ns
         link.answered, link.answered_before = acting[1], before[1]
-        link.newest, link.arrived = self.answers.last
+        port.newest, port.arrived = self.answers.last
         link.done = link.missed = 0
         link.sampled = self.loop.newest_ns
         link.held = -1 if held is None else self._ticks_held
@@ -591,13 +592,13 @@ class DeviceDriver(ClockedActor[D]):
             trips: (n,) round-trip times of samples and their answers, s.
             code: why the kernel returned.
         """
-        wrenches, clock = commands.copy(), self.clock
+        wrenches, clock, port = commands.copy(), self.clock, link.port
         if clock is None:
             return
-        self._command.put((wrenches[0], link.answered), link.received)
+        self._command.put((wrenches[0], link.answered), port.received)
         before = wrenches[1], link.answered_before
-        self._command.before, self._command.before_ns = before, link.received_before
-        self.answers.went_on((link.newest, link.arrived), trips)
+        self._command.before, self._command.before_ns = before, port.received_before
+        self.answers.went_on((port.newest, port.arrived), trips)
         steps = link.done
         if steps == 0:
             return

@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel, local, local_whole, put
-from hapticmech_ros.compilation.records import Whole
+from hapticmech_ros.compilation.records import Nested, Whole
 from hapticmech_ros.control.account_kernels import remember
 from hapticmech_ros.control.device_side_kernels import (
     allow_command,
@@ -38,6 +38,7 @@ from hapticmech_ros.nodes.lane_kernels import (
     TO_READ,
     TO_SAY,
     WORDS,
+    CommandPort,
     DeadlineLink,
     PublishedTopic,
     SubscribedTopic,
@@ -48,6 +49,7 @@ from hapticmech_ros.nodes.lane_kernels import (
     missed_deadlines,
     peek,
     publish,
+    sampled,
     stepped,
     take,
     take_command,
@@ -80,6 +82,7 @@ class DeviceLink(DeadlineLink):
     """State shared by Python and the device's kernel; times are ns, by the node's time.
 
     Attributes:
+        port: commands to the device.
         fresh: how long a gain is valid.
         answered, answered_before: stamp of the sample that each of the two commands answers.
         held: periods since the hand could take hold; -1: no hand holds.
@@ -92,6 +95,7 @@ class DeviceLink(DeadlineLink):
         sampled: stamp of the last sample.
     """
 
+    port = Nested(CommandPort)
     fresh = Whole()
     answered = Whole()
     answered_before = Whole()
@@ -201,7 +205,7 @@ def drive_at_deadlines(
     link: DeviceLink,
     command: SubscribedTopic,
     gain: SubscribedTopic,
-    sampled: PublishedTopic,
+    states: PublishedTopic,
     polled: Array,
     commands: Array,
     fastest: Array,
@@ -227,7 +231,7 @@ def drive_at_deadlines(
         link: shared state; changed.
         command: commands to the device.
         gain: how they depend on the device; over the same connection.
-        sampled: the device's samples.
+        states: the device's samples.
         polled: (n,) struct pollfd of all connections but that of the controller's process.
         commands: (2, 6) the present command, and the one before, N and N m; changed.
         fastest: (2,) greatest speeds of the device, m/s and rad/s.
@@ -252,7 +256,7 @@ def drive_at_deadlines(
     Returns:
         Why it returns, see ``lane_kernels``.
     """
-    words, out = local_whole(WORDS), sampled.values
+    words, out, port = local_whole(WORDS), states.values, link.port
     body, now_there, next_there = DeviceModel(device), SimulatedState(state), SimulatedState(later)
     measured, published = DeviceSample(state).values, PublishedState(state).values
     sample, asked, added = DeviceSample(local(SAMPLE_SIZE)), local(6), local(6)
@@ -264,18 +268,18 @@ def drive_at_deadlines(
                 return code
             continue
         while link.reads < ages.size:
-            found = find_command(link, command, words)
+            found = find_command(link, port, command, words)
             if found == NOTHING:
                 break
             if found == OTHER:
                 if take_gain(link, gain, words, model, energies):
                     continue
                 return TO_READ
-            if take_command(link, command, words, commands, found, ages):
+            if take_command(link, port, command, words, commands, found, ages):
                 link.answered_before = link.answered
             link.answered = found
             if row_of(stamps, link.remembers, found) >= 0:
-                trips[link.trips] = (link.received - found) / 1e9
+                trips[link.trips] = (port.received - found) / 1e9
                 link.trips += 1
         now_real, time = time_of(REALTIME, words), now + link.ahead
         missed = missed_deadlines(link, words, now, now_real)
@@ -283,10 +287,10 @@ def drive_at_deadlines(
             return TO_ACT
         for i in range(missed + 1):
             known = known_since(link)
-            before, received, answered = 0, link.received, link.answered
-            if link.received > known:
-                before, received, answered = 1, link.received_before, link.answered_before
-            silent = max(time - link.received, time - link.received_before, known - received)
+            before, received, answered = 0, port.received, link.answered
+            if port.received > known:
+                before, received, answered = 1, port.received_before, link.answered_before
+            silent = max(time - port.received, time - port.received_before, known - received)
             if silent > link.timeout:
                 return TO_ACT
             put(sample.values, measured)
@@ -313,14 +317,15 @@ def drive_at_deadlines(
             link.held += int(link.held >= 0)
             if i < missed:
                 made_up(link)
-        stamp = stepped(link, commands)
+        sampled(port, commands)
+        stamp = stepped(link)
         link.answered_before = link.answered
         out[0], out[1] = stamp // SECOND, stamp % SECOND
         put(out[PUBLISHED : PUBLISHED + published.size], published)
-        sound = sound_stamp(out, sampled.most, SAMPLE_QUATERNION, QUATERNION_TOLERANCE) != UNSOUND
+        sound = sound_stamp(out, states.most, SAMPLE_QUATERNION, QUATERNION_TOLERANCE) != UNSOUND
         if not sound or is_too_fast(now_there.twist, fastest):
             return TO_SAY
-        code = publish(link, sampled, words, now_real)
+        code = publish(link, states, words, now_real)
         remember_sample(link, stamps, samples, hand, stamp, measured)
         if code != GOES_ON:
             return code

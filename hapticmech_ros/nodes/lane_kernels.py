@@ -118,15 +118,29 @@ class Link(Record):
     reads = Whole()
 
 
+class CommandPort(Record):
+    """Commands of one sender; times are ns.
+
+    Attributes:
+        since: only commands with a later stamp count.
+        received, received_before: when the present command arrived, and the one before.
+        newest, arrived: the newest command's stamp, and when it arrived.
+    """
+
+    dtype = int
+    since = Whole()
+    received = Whole()
+    received_before = Whole()
+    newest = Whole()
+    arrived = Whole()
+
+
 class DeadlineLink(Link):
     """State of a kernel that does a step at each deadline, under commands; times are ns.
 
     Attributes:
         next, period: the next deadline, and the period.
         timeout: how long a command is valid; for the mechanism, 0: for ever.
-        since: only commands with a later stamp count.
-        received, received_before: when the present command arrived, and the one before.
-        newest, arrived: the newest command's stamp, and when it arrived.
         done: number of steps done.
         missed: number of them that made up for a missed deadline, unpublished.
     """
@@ -134,11 +148,6 @@ class DeadlineLink(Link):
     next = Whole()
     period = Whole()
     timeout = Whole()
-    since = Whole()
-    received = Whole()
-    received_before = Whole()
-    newest = Whole()
-    arrived = Whole()
     done = Whole()
     missed = Whole()
 
@@ -615,14 +624,17 @@ def wait_for_deadline(link: DeadlineLink, words: Array, polled: Array, now: int)
 
 
 @inner
-def find_command(link: DeadlineLink, topic: SubscribedTopic, words: Array) -> int:
+def find_command(
+    link: DeadlineLink, port: CommandPort, topic: SubscribedTopic, words: Array
+) -> int:
     """Return the stamp, ns, of the next command, left in its socket; or NOTHING or OTHER.
 
     It is OTHER if it is not plain, breaks a rule, is older than the newest one, not newer than
-    ``link.since``, or stamped with the present time.
+    ``port.since``, or stamped with the present time.
 
     Args:
         link: shared state.
+        port: its sender's commands.
         topic: of the commands.
         words: (5,) to fill, as :func:`peek`.
     """
@@ -630,13 +642,14 @@ def find_command(link: DeadlineLink, topic: SubscribedTopic, words: Array) -> in
     if found != PLAIN:
         return found
     stamp = read_command(link, topic, words[0])
-    newer = stamp >= link.newest and stamp > link.since and stamp != words[0]
+    newer = stamp >= port.newest and stamp > port.since and stamp != words[0]
     return stamp if newer and stamp != UNSOUND else OTHER
 
 
 @inner
 def take_command(
     link: DeadlineLink,
+    port: CommandPort,
     topic: SubscribedTopic,
     words: Array,
     commands: Array,
@@ -649,6 +662,7 @@ def take_command(
 
     Args:
         link: shared state.
+        port: its sender's commands; changed.
         topic: of the commands.
         words: (5,) as :func:`find_command` left them.
         commands: (2, 6) the present command, and the one before, N and N m; changed.
@@ -657,12 +671,12 @@ def take_command(
     """
     time, came, counted, sent = words[0], arrival(words), words[2], words[3]
     take(topic, words)
-    stood = link.received <= known_since(link) < came
+    stood = port.received <= known_since(link) < came
     if stood:
         put(commands[1], commands[0])
-        link.received_before = link.received
+        port.received_before = port.received
     put(commands[0], topic.values)
-    link.received, link.newest, link.arrived = came, stamp, came
+    port.received, port.newest, port.arrived = came, stamp, came
     note_read(link, topic.reading, ages, time, came - stamp, counted, sent)
     return bool(stood)
 
@@ -702,10 +716,15 @@ def made_up(link: DeadlineLink) -> None:
 
 
 @inner
-def stepped(link: DeadlineLink, commands: Array) -> int:
-    """Note a step, and copy the present command to the one before (2, 6); return its stamp, ns."""
+def sampled(port: CommandPort, commands: Array) -> None:
+    """Copy the present command to the one before (2, 6), as a step is published."""
     put(commands[1], commands[0])
-    link.received_before = link.received
+    port.received_before = port.received
+
+
+@inner
+def stepped(link: DeadlineLink) -> int:
+    """Note a step; return its stamp, ns."""
     stamp = link.next
     link.next += link.period
     link.done += 1

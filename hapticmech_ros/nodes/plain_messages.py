@@ -78,6 +78,7 @@ class Received(NamedTuple):
         between: (words,) see :class:`.lane_kernels.SubscribedTopic`.
         beside: whether the kernel reads it only if it shares the previous topic's connection.
         awaited: whether a message wakes the kernel, which else reads it when it acts.
+        may_lack: whether the kernel also runs while nobody has published it for a while.
     """
 
     topic: str
@@ -88,6 +89,7 @@ class Received(NamedTuple):
     between: Array = NO_WORDS
     beside: bool = False
     awaited: bool = True
+    may_lack: bool = False
 
     def made(self) -> kernels.SubscribedTopic:
         """Return buffers for its messages."""
@@ -105,6 +107,22 @@ class Received(NamedTuple):
         topic.reading.data = kernels.HEADER_BYTES + len(alike)
         topic.reading.length = kernels.HEADER_BYTES + len(self.prefix) + 8 * values.size
         return topic
+
+
+def stacked(topics: Sequence[kernels.SubscribedTopic]) -> tuple[Array, Array]:
+    """Move topics of one type into two arrays, for a kernel that reads any number of them.
+
+    Args:
+        topics: with messages of the same length; changed to views of the arrays.
+
+    Returns:
+        (topics, integers) and (topics, numbers).
+    """
+    numbers = np.array([one.numbers for one in topics])
+    data = np.array([one.data for one in topics])
+    for one, *views in zip(topics, numbers, data, strict=True):
+        one.numbers, one.data = views
+    return numbers, data
 
 
 class Publication(NamedTuple):
@@ -303,6 +321,7 @@ class PlainMessages:
         Topics that are read ``beside`` another, or passed over, need not.
         """
         first: list[int] = []
+        now = self._actor.now_ns()
         for one, topic in zip(self._received, self.inputs, strict=True):
             row = topic.reading
             with self._finding:
@@ -311,7 +330,9 @@ class PlainMessages:
             connection = self._connection(lane, one.topic, one.sources, row)
             if one.beside and connection != first[-1]:
                 row.head = 0
-            elif not one.beside:
+            elif not one.beside and not (
+                connection < 0 and one.may_lack and one.sources.silent(now)
+            ):
                 first.append(connection)
         for (name, sources), row in zip(self._passed_over, self._passing, strict=True):
             if self._connection(lane, name, sources, row) != first[0]:
@@ -338,7 +359,7 @@ class PlainMessages:
         """
         origin = sources.only
         speaker = origin and lane.speaker(topic, origin.via)
-        row.head = row.read = 0
+        row.head, row.read, row.connection = 0, 0, -1
         if origin is None or speaker is None:
             return -1
         row.head, row.number = _head(origin, speaker[1]), origin.number

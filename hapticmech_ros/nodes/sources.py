@@ -251,6 +251,10 @@ class Sources:
             self._single_ns = now_ns
         self._two = two
 
+    def silent(self, now_ns: int) -> bool:
+        """Return whether nobody has sent a message for a second (now in ns)."""
+        return not any(one.alive(now_ns, FORGET_NS) for one in self._sources)
+
     @property
     def only(self) -> Origin | None:
         """The last message's origin, if all are of one publisher on the lane."""
