@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache, partial
 
@@ -15,7 +15,6 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension, UInt8MultiArray
 
 from hapticmech_ros.compilation import arrays_of
 from hapticmech_ros.contact.step_kernels import MORE_WORKSPACE
-from hapticmech_ros.control.loop_layout import ActingWrenches
 from hapticmech_ros.mechanism.closures import grasp_written
 from hapticmech_ros.mechanism.constraint_space import ConstraintSpace, PointKinematics
 from hapticmech_ros.mechanism.model import se3
@@ -37,7 +36,12 @@ from hapticmech_ros.nodes.mechanism_ports import (
 from hapticmech_ros.nodes.messages import LATCHED
 from hapticmech_ros.nodes.operating_state import OperatingState
 from hapticmech_ros.nodes.parameters import MechanismParameters
-from hapticmech_ros.nodes.plain_messages import PlainCommand, PlainMessages, Publication
+from hapticmech_ros.nodes.plain_messages import (
+    PlainCommand,
+    PlainMessages,
+    Publication,
+    stacked,
+)
 from hapticmech_ros.nodes.sources import first_fault
 from hapticmech_ros.nodes.timeouts import MECHANISM_COMMAND, timeout_of
 from hapticmech_ros.numerics import Array
@@ -86,39 +90,45 @@ class MechanismTicks(PlainMessages):
     """
 
     def __init__(self, actor: MechanismSimulator, layout: StateLayout, outlet: Outlet) -> None:
-        command, state, port = PlainCommand(actor.wrenches), FlatArray(layout.fields), actor.port
-        topic = actor.lane_topic(POINT_COMMAND.of(port.name), WrenchStamped)
+        command, state, ports = PlainCommand(actor.wrenches), FlatArray(layout.fields), actor.held
+        received = []
+        for port in ports:
+            topic = actor.lane_topic(POINT_COMMAND.of(port.name), WrenchStamped)
+            one = command.received(topic, port.controllers)
+            # One hand may feel the mechanism while nobody holds the other points.
+            received.append(one._replace(may_lack=len(ports) > 1))
         published = Publication(outlet, state.prefix, layout.bounds.most)
         self.link = link = own.MechanismLink()
-        super().__init__(actor, [command.received(topic, port.controllers)], [published], link)
+        super().__init__(actor, received, [published], link)
         self._simulator, self._out = actor, self.outputs[0].values
-        self._commands = np.zeros((2, 6))
+        self._topics = stacked(self.inputs)
         mechanism, simulation = actor.simulator.mechanism, actor.scene.simulation
-        stepper = actor.simulator.stepper
-        index = mechanism.point_index(port.name)
+        stepper, points = actor.simulator.stepper, mechanism.point_names
+        self._ports = np.zeros((len(ports), kernels.CommandPort.layout.size), dtype=np.int64)
+        self._points = np.array([mechanism.point_index(port.name) for port in ports])
+        self._commands = np.zeros((2 * len(ports), 6))
+        self._acting = np.zeros((len(points), 6))
         sizes = {
-            "index": index,
+            "index": self._points[0],
             "steps": simulation.substeps,
             "stages": stepper.stages,
             "implicit": stepper.implicit,
         }
         parts = {name: np.zeros(0) for name in SessionData.parts} | {
             "times": SessionTimes().values,
-            "wrenches": ActingWrenches().values,
-            "external": np.zeros(6),
             "q": np.zeros(mechanism.nq),
             "v": np.zeros(mechanism.nv),
             "totals": SessionTotals().values,
         }
         self._contacts = actor.simulator.contact_memory()
         self._metrics, self._latches = np.zeros((0, 0)), actor.simulator.latches(actor.state)
-        if self._contacts is not None:
-            analyser = Analyser(mechanism, port.name)
+        self._feels = self._contacts is not None or len(ports) > 1
+        if self._feels:
+            analyser = Analyser(mechanism, points[0])
             parts |= {
                 "rows": analyser.rows,
                 "observation": np.zeros(analyser.observation_size),
                 "before": np.zeros(1 + mechanism.nv),
-                "contact": np.zeros(6),
             }
         self._data = SessionData(*arrays_of(SessionData, sizes, parts))
         self._data.times.fill(period=actor.period_s, length=mechanism.length)
@@ -130,7 +140,7 @@ class MechanismTicks(PlainMessages):
         self._felt = layout.at["contact"]
         link.fill(**{part: layout.at[part].start for part in ("position", "velocity")})
         link.contact = layout.at["contact"].start
-        link.commanded = layout.at["commanded"].start + index
+        link.commanded = layout.at["commanded"].start
         link.period = nanoseconds(actor.period_s)
 
     def ready(self) -> bool:
@@ -138,19 +148,19 @@ class MechanismTicks(PlainMessages):
         actor, link = self._simulator, self.link
         if not actor.steps_plainly or actor.clock is None:
             return False
-        port = actor.port
         link.next = actor.clock.next_ns
         link.done = link.missed = 0
-        link.timeout, link.ramp = port.command.timeout_ns, port.command.ramp_ns
-        link.since = port.since_ns
-        link.received, link.received_before = port.command.put_into(self._commands)
-        link.newest, link.arrived = port.order.last
+        for port, command, row in self._each_port():
+            link.timeout, link.ramp = port.command.timeout_ns, port.command.ramp_ns
+            row.since = port.since_ns
+            row.received, row.received_before = port.command.put_into(command)
+            row.newest, row.arrived = port.order.last
         link.until_view = actor.until_view
         state, simulator, scene = actor.state, actor.simulator, actor.simulator.scene
         # The kernel's terms depend on the operational point's place; moving that makes a new scene.
         if scene is not self._scene:
             self._scene, self._known = scene, None
-            if self._contacts is not None:
+            if self._feels:
                 names = simulator.mechanism.point_names
                 every = [Analyser(simulator.mechanism, name).constants for name in names]
                 self._metrics = np.array(every)
@@ -158,6 +168,12 @@ class MechanismTicks(PlainMessages):
             self._load(state)
         self._out[self._grasp] = actor.places
         return True
+
+    def _each_port(self) -> Iterator[tuple[PointPort, Array, kernels.CommandPort]]:
+        """Yield each held point's port, and its commands (2, 6) and state in the kernel."""
+        commands = self._commands.reshape(-1, 2, 6)
+        for port, command, row in zip(self._simulator.held, commands, self._ports, strict=True):
+            yield port, command, kernels.CommandPort(row)
 
     def _load(self, state: MechanismState) -> None:
         """Set the kernel's state."""
@@ -191,10 +207,13 @@ class MechanismTicks(PlainMessages):
         return partial(
             own.move_at_deadlines,
             self.link,
-            self.inputs[0],
+            *self._topics,
             self.outputs[0],
             self.polled,
+            self._ports,
+            self._points,
             self._commands,
+            self._acting,
             *active_set.constants,
             self._packed,
             simulator.stepper.work,
@@ -208,10 +227,11 @@ class MechanismTicks(PlainMessages):
 
     def did(self, code: int, reads: int) -> None:
         """Update the simulator with the results of the kernel's run."""
-        actor, link, port = self._simulator, self.link, self._simulator.port
+        actor, link = self._simulator, self.link
         if reads or link.done:
-            port.command.take_from(self._commands, link.received, link.received_before)
-            port.order.last = link.newest, link.arrived
+            for port, command, row in self._each_port():
+                port.command.take_from(command, row.received, row.received_before)
+                port.order.last = row.newest, row.arrived
         if link.done:
             self._known = state = self._state
             actor.moved(state, link, code != kernels.TO_SAY)
@@ -299,7 +319,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         offer_closures(self, self._closures, self._switch)
         self._plain: MechanismTicks | None = None
         # If a kernel can step this mechanism without Python.
-        if len(held) == 1 and not parameters.require_external_wrench:
+        if not parameters.require_external_wrench:
             self._plain = MechanismTicks(self, self._layout, self._publish_wire)
 
     def apply_parameters(self, parameters: MechanismParameters) -> None:
@@ -345,9 +365,9 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self.wait_by(self._plain)
 
     @property
-    def port(self) -> PointPort:
-        """The port of the first operational point that is held; for a kernel, the only one."""
-        return self._ports[self._held[0]]
+    def held(self) -> list[PointPort]:
+        """The ports of the operational points that are held."""
+        return [self._ports[index] for index in self._held]
 
     @property
     def places(self) -> Array:
@@ -356,9 +376,11 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
 
     @property
     def steps_plainly(self) -> bool:
-        """Whether a step needs no input but :attr:`port`'s; see :class:`MechanismTicks`."""
-        now, own = self.now_ns(), self.port
-        commanded = any(port.command.stands(now) for port in self._ports if port is not own)
+        """Whether a step needs no input but :attr:`held`'s; see :class:`MechanismTicks`."""
+        now, held = self.now_ns(), self._held
+        commanded = any(
+            port.command.stands(now) for i, port in enumerate(self._ports) if i not in held
+        )
         pushed = self._external is not self.calm or self._on_links or self._is_pushed
         waits = self.backlog.owed or self._last_valid.resting or self._operating.withheld
         state = self.state
@@ -393,7 +415,9 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self.clock.missed += link.missed
         self._note_inaccurate(before)
         self._sampled_ns = self.clock.last_deadline_ns
-        self._commands[self._held[0]] = self.port.command.at(self._sampled_ns)
+        for index, port in zip(self._held, self.held, strict=True):
+            self._commands[index] = port.command.at(self._sampled_ns)
+        self._commanded_wrenches = self._to_act(self._sampled_ns)
         self._ticks += link.done - link.missed - (not published)
         if self.simulator.may_latch(state):
             self.failures.run("tick", self._latch)

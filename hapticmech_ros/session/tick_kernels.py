@@ -348,6 +348,15 @@ def move_hand(data: SessionData, tick: int) -> None:
 
 
 @inner
+def push_point(numbers: Array, data: SessionData, work: Array) -> None:
+    """Fill the wrenches on the mechanism over a period: that at its operational point alone."""
+    pushed, acting = Work(numbers, work).wrenches, ActingWrenches(data.wrenches)
+    pushed[:] = 0.0
+    for i in range(6):
+        pushed[data.index, i] = acting.on_mechanism[i] + data.external[i]
+
+
+@inner
 def move_mechanism(
     numbers: Array,
     values: Array,
@@ -358,14 +367,15 @@ def move_mechanism(
     contact_values: Array,
     clock: Array,
 ) -> bool:
-    """Move the mechanism on by a period; return whether it was done, else nothing is changed."""
-    parts, index, acting = Work(numbers, work), data.index, ActingWrenches(data.wrenches)
-    pushed, account, totals = parts.wrenches, parts.account, data.totals
+    """Move the mechanism on by a period, under the wrenches in ``work``.
+
+    Returns:
+        Whether it was done; else nothing is changed.
+    """
+    parts, totals = Work(numbers, work), data.totals
+    account = parts.account
     put(parts.q0, data.q)
     put(parts.v0, data.v)
-    pushed[:] = 0.0
-    for i in range(6):
-        pushed[index, i] = acting.on_mechanism[i] + data.external[i]
     parts.held[:] = 0.0
     account.values[:] = 0.0
     account.earlier_defect, account.earlier_work = totals.surplus, totals.work_in
@@ -513,6 +523,7 @@ def run_ticks(
         if phases & DEVICE:
             move_hand(data, tick)
         if phases & MECHANISM:
+            push_point(numbers, data, work)
             moved = move_mechanism(
                 numbers,
                 values,

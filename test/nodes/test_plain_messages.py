@@ -171,10 +171,16 @@ class Process:
         kind: of the actor.
         peers: what each hears and speaks on.
         scene: of the actor.
+        settings: its other parameters.
     """
 
     def __init__(
-        self, folder: Path, kind: Any, *peers: tuple[str, str], scene: str = "five_bar"
+        self,
+        folder: Path,
+        kind: Any,
+        *peers: tuple[str, str],
+        scene: str = "five_bar",
+        **settings: str,
     ) -> None:
         self.exchange = Exchange()
         self.exchange.lane = Lane(folder)
@@ -195,7 +201,7 @@ class Process:
                 get_publisher_count=lambda: 0
             )
         )
-        host.actor = self.actor = kind(host, kind.parameters_type(scene=scene))
+        host.actor = self.actor = kind(host, kind.parameters_type(scene=scene, **settings))
         self.peers = [Peer(folder, *one) for one in peers]
         host.begin()
         self.wait = self.exchange.lane.wait
@@ -707,12 +713,12 @@ def test_the_mechanism_moves_as_the_simulator_does(
     moving.settle(lambda: command(moving))
     place = actor.places
     actor.apply_parameters(actor.parameters.model_copy(update={"grasp": grasp}))
-    actor.port.set_timeout(10_000 * MS)
+    actor.held[0].set_timeout(10_000 * MS)
     codes = by_the_kernel(moving, monkeypatch)
 
     def received() -> bool:
         command(moving)
-        return bool(actor.port.command.stands(time.time_ns()) and codes)
+        return bool(actor.held[0].command.stands(time.time_ns()) and codes)
 
     moving.until(received)
     begun = actor._ticks
@@ -787,7 +793,7 @@ def test_joints_that_are_poses_and_contacts_move_as_the_simulator_does(
     commands = COMMANDS.replace("handle", load_scene(file).held_points[0])
     process = begun(MechanismSimulator, (STATES, commands), scene=file)
     actor, push = process.actor, np.array(PUSHES[scene])
-    actor.port.set_timeout(10_000 * MS)
+    actor.held[0].set_timeout(10_000 * MS)
     process.settle(lambda: command(process, 0.0 * push))
     command(process, push)
     codes, moved, by_kernel = by_the_kernel(process, monkeypatch), actor.moved, []
@@ -836,6 +842,95 @@ def test_joints_that_are_poses_and_contacts_move_as_the_simulator_does(
     assert (touched > 20) == bool(actor.scene.contacts)
 
 
+TWO = {"left": (0.4, -0.2, 0.0, 0.0, 0.0, 0.004), "right": (-0.1, 0.5, 0.0, 0.0, 0.0, -0.002)}
+
+
+def test_two_hands_move_a_mechanism_and_feel_each_other_without_python(
+    begun: Callable[..., Process], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    topics = [COMMANDS.replace("handle", point) for point in TWO]
+    peers = [(STATES, topics[0]), ("", topics[1])]
+    process = begun(MechanismSimulator, *peers, scene="two_users", held_points=",".join(TWO))
+    actor = process.actor
+    for port in actor.held:
+        port.set_timeout(10_000 * MS)
+
+    def push() -> None:
+        for peer, wrench in zip(process.peers, TWO.values(), strict=True):
+            peer.speak(encode_wrench(np.array(wrench), time.time_ns() // 1000 * 1000))
+
+    process.settle(push)
+    done, moved = list[int](), actor.moved
+
+    def noted(state: MechanismState, link: Any, published: bool) -> None:
+        done.append(link.done)
+        moved(state, link, published)
+
+    monkeypatch.setattr(actor, "moved", noted)
+    ticks = actor._ticks
+    process.until(lambda: len(done) > 2 and actor._ticks > ticks + 10)
+    process.answers()
+    start, got = actor.state, []
+    done.clear()
+    for wanted_s in np.linspace(0.0, 0.1, 21):
+        push()
+        got += process.until(lambda wanted_s=wanted_s: actor.state.time - start.time >= wanted_s)
+    got += process.answers()
+    simulator = Simulator(actor.scene)
+    mechanism, wrenches = simulator.mechanism, np.array([*TWO.values()])
+    states = [start]
+    for _ in range(round((actor.state.time - start.time) / actor.period_s)):
+        states.append(simulator.step(states[-1], wrenches))
+    assert sum(done) > 90
+    assert len(got) > 20
+    assert actor.state.q == pytest.approx(states[-1].q, abs=1e-11)
+    layout, felt = StateLayout(mechanism), ContactWrenches(mechanism)
+    numbers = np.array([[*mechanism.coordinates(state.q), *state.v] for state in states])
+    for message in got:
+        found = layout.unpack(FlatArray(layout.fields).decode(message))
+        assert found.commanded == (True, True)
+        moved = np.array([*mechanism.coordinates(found.q), *found.v])
+        nearest = int(np.abs(numbers - moved).max(axis=1).argmin())
+        terms = simulator.evaluate(states[nearest])
+        # Each point feels what accelerates it as the other hand's wrench does, and not its own.
+        left, right = (
+            p.jacobian.T @ wrench for p, wrench in zip(terms.points, wrenches, strict=True)
+        )
+        assert found.contacts == pytest.approx(felt.at(terms, np.array([right, left])), abs=1e-9)
+        assert np.abs(found.contacts).max() > 0.05
+
+
+def test_a_hand_that_is_gone_is_felt_no_more_and_python_is_not_needed(
+    begun: Callable[..., Process], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    topics = [COMMANDS.replace("handle", point) for point in TWO]
+    peers = [(STATES, topics[0]), ("", topics[1])]
+    process = begun(MechanismSimulator, *peers, scene="two_users", held_points=",".join(TWO))
+    actor, layout = process.actor, StateLayout(process.actor.simulator.mechanism)
+    left, right = (np.array(wrench) for wrench in TWO.values())
+
+    def until(happened: Callable[[], bool]) -> list[WireState]:
+        def renewed() -> bool:
+            command(process, left)
+            return happened()
+
+        got = process.until(renewed)
+        return [layout.unpack(FlatArray(layout.fields).decode(one)) for one in got]
+
+    # Nobody has ever held the other point.
+    process.settle(lambda: command(process, left))
+    codes = by_the_kernel(process, monkeypatch)
+    alone = until(lambda: len(codes) > 3)[-1]
+    process.peers[1].speak(encode_wrench(right, time.time_ns() // 1000 * 1000))
+    port = actor.held[1]
+    both = until(lambda: port.order.last[0] > 0 and not port.command.stands(time.time_ns()))
+    assert any(one.commanded == (True, True) and one.contacts[0].any() for one in both)
+    codes.clear()
+    for state in (alone, until(lambda: len(codes) > 3)[-1]):
+        assert state.commanded == (True, False)
+        assert not state.contacts.any()
+
+
 @pytest.mark.parametrize("scene", ["peg_in_hole", "shared_payload"])
 def test_joints_that_are_poses_are_analysed_as_python_does(
     begun: Callable[..., Process], monkeypatch: pytest.MonkeyPatch, scene: str
@@ -867,7 +962,7 @@ def test_joints_that_are_poses_are_analysed_as_python_does(
 def test_a_command_that_is_not_renewed_ends(moving: Process) -> None:
     actor = moving.actor
     moving.settle(lambda: command(moving))
-    moving.until(lambda: not actor.port.command.stands(time.time_ns()))
+    moving.until(lambda: not actor.held[0].command.stands(time.time_ns()))
     # A step is under what stood when it began.
     ended = actor._ticks
     moving.until(lambda: actor._ticks > ended + 5)
@@ -1228,7 +1323,7 @@ class Logged:
 
         def kernel_moved(link: Any, commands: Any, *rest: Any) -> None:
             # A command ends the run, with the step before which it was read.
-            steps, received = link.done, link.received
+            steps, received = link.done, link.port.received
             last = link.next - actor.period_ns
             self.by_kernel += steps
             taken, self._taken = self._taken, []
