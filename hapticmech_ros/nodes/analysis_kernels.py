@@ -51,7 +51,7 @@ class AnalyserLink(Link):
     Attributes:
         closed, position, velocity, contact, grasp, commanded: where in a state's data these begin:
             flags of closures, position, rates, and the point's F_c, place and flag.
-        flags, points: where the flags of all points begin, and their number.
+        flags: where the flags of all points begin.
         point: number of the point.
         pause: stamps of successive states differ by less than this, ns.
         last: stamp of the last state, ns.
@@ -65,7 +65,6 @@ class AnalyserLink(Link):
     grasp = Whole()
     commanded = Whole()
     flags = Whole()
-    points = Whole()
     point = Whole()
     pause = Whole()
     last = Whole()
@@ -73,10 +72,10 @@ class AnalyserLink(Link):
 
 
 @inner
-def plain_stamp(link: AnalyserLink, values: Array, most: Array, active: Array, grasp: Array) -> int:
-    """Return the stamp, ns, of a valid state with closures and point as before; or UNSOUND.
-
-    It is UNSOUND also if another point is commanded.
+def plain_stamp(
+    link: AnalyserLink, values: Array, most: Array, active: Array, grasp: Array, held: Array
+) -> int:
+    """Return the stamp, ns, of a valid state with closures and hands as before; or UNSOUND.
 
     Args:
         link: shared state.
@@ -84,6 +83,7 @@ def plain_stamp(link: AnalyserLink, values: Array, most: Array, active: Array, g
         most: (n,) largest magnitude of each number.
         active: (closures,) 1 for each that is closed.
         grasp: (7,) the point's place.
+        held: (points,) 1 for each that is commanded; of the own one any.
     """
     stamp = sound_stamp(values, most, -1, 0.0)
     if stamp == UNSOUND or not 0 <= stamp - link.last < link.pause:
@@ -94,8 +94,8 @@ def plain_stamp(link: AnalyserLink, values: Array, most: Array, active: Array, g
     for i in range(grasp.size):
         if values[link.grasp + i] != grasp[i]:
             return UNSOUND
-    for i in range(link.points):
-        if i != link.point and values[link.flags + i] != 0.0:
+    for i in range(held.size):
+        if i != link.point and values[link.flags + i] != held[i]:
             return UNSOUND
     commanded = values[link.commanded]
     return stamp if commanded == 0.0 or commanded == 1.0 else UNSOUND
@@ -103,9 +103,9 @@ def plain_stamp(link: AnalyserLink, values: Array, most: Array, active: Array, g
 
 @kernel(
     "int64(AnalyserLink, SubscribedTopic, PublishedTopic, int64[::1], float64[::1],"
-    " float64[::1], int64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
-    " float64[::1], int64[::1], float64, float64, float64[::1], float64[::1], float64[::1],"
-    " ConstraintTrigger, int64[::1], int64[::1], float64[:, ::1], int64[::1])",
+    " float64[::1], float64[::1], int64[::1], float64[::1], float64[::1], float64[::1],"
+    " float64[::1], float64[::1], int64[::1], float64, float64, float64[::1], float64[::1],"
+    " float64[::1], ConstraintTrigger, int64[::1], int64[::1], float64[:, ::1], int64[::1])",
     waits=True,
 )
 def answer_states(
@@ -115,6 +115,7 @@ def answer_states(
     polled: Array,
     active: Array,
     grasp: Array,
+    held: Array,
     numbers: Array,
     constants: Array,
     packed: Array,
@@ -142,6 +143,7 @@ def answer_states(
         polled: (n,) struct pollfd of all connections, that of the mechanism's process first.
         active: (closures,) flags of closures.
         grasp: (7,) the point's place.
+        held: (points,) 1 for each that is commanded.
         numbers: (integers,) constants of the mechanism, as for ``observe_point``.
         constants: (numbers,) the others, its ``values``.
         packed: (size,) as for ``observe_point``.
@@ -176,7 +178,7 @@ def answer_states(
         if peek(link, states, words) != PLAIN:
             return TO_READ
         time, real, counted, sent = words[0], words[1], words[2], words[3]
-        stamp = plain_stamp(link, values, states.most, active, grasp)
+        stamp = plain_stamp(link, values, states.most, active, grasp, held)
         if stamp == UNSOUND or abs(time - stamp) > link.oldest:
             return TO_READ
         configure(Model(numbers, constants), values[link.position : link.position + nv], q)

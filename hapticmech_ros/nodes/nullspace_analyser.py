@@ -78,16 +78,16 @@ class StateAnswers(PlainMessages):
         published = Publication(outlet, encoder.prefix, bounds.most)
         self.link = link = own.AnalyserLink()
         super().__init__(actor, [received], [published], link)
-        self._analyser, self.answer = actor, self.outputs[0].values
+        self._analyser, self._layout = actor, layout
+        self.answer = self.outputs[0].values
         nq, nv = actor.mechanism.nq, actor.mechanism.nv
         self._position, self._rates, self._before = np.zeros(nq), np.zeros(nv), np.zeros(1 + nv)
         self._ahead = self._observation = np.zeros(0)
         index, sizes = actor.analyser.index, {"contact": 6, "grasp": GRASP_SIZE, "commanded": 1}
         # The last three have a part for each operational point.
         starts = {part: at.start + index * sizes.get(part, 0) for part, at in layout.at.items()}
-        flags = layout.at["commanded"]
         link.fill(**starts, point=index, pause=RESTART_PAUSE_NS)
-        link.flags, link.points = flags.start, flags.stop - flags.start
+        link.flags = layout.at["commanded"].start
 
     def ready(self) -> bool:
         """Give the kernel the analyser's state; return whether it may do anything for it."""
@@ -111,6 +111,7 @@ class StateAnswers(PlainMessages):
             self.polled,
             np.array(actor.closed, dtype=float),
             actor.grasp,
+            np.array(actor.commanded, dtype=float),
             *active_set.constants,
             active_set.scratch,
             self._position,
@@ -136,10 +137,12 @@ class StateAnswers(PlainMessages):
         """Return a function that publishes the last analysis for people."""
         actor, numbers, count = self._analyser, self._observation.copy(), self.answer[MODEL_COUNT]
         found = Observation(numbers, actor.analyser.rows, actor.mechanism.nv)
-        stamp_ns = self.link.last
+        # It has just been answered.
+        state = self._layout.unpack(self.inputs[0].values.copy())
+        transmitted = actor.transmitted(state, found.analysis)
 
         def publish() -> None:
-            actor.transmit(stamp_ns, {})
+            actor.transmit(state.stamp_ns, transmitted)
             actor.publish_view(found.analysis, int(count))
 
         return publish
@@ -153,6 +156,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         counter: of joint constraints.
         past: rates of the last states.
         closed: which closures the last state had closed.
+        commanded: which operational points it had commanded: hands hold them.
         grasp: (7,) where it had the operational point.
         last_ns, first_ns: stamps of the last state, and of the first one of the count, ns.
         analyses: since then.
@@ -191,8 +195,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         self._publish_count = self.view(COUNT, UInt8)
         self._mechanisms = self.sources(STATE.name)
         self._silenced = False
-        # Whether another operational point is commanded: another hand holds it.
-        self._others_hold = False
+        self.commanded: tuple[bool, ...] = (False,) * len(self.mechanism.point_names)
         self.input_array(
             STATE.name, self.control_input, self._on_state, self._layout.fields, self._mechanisms
         )
@@ -223,8 +226,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
     @property
     def answers_plainly(self) -> bool:
         """Whether plain states are answered as :class:`StateAnswers` does."""
-        known = self._count is not None and not self._silenced
-        return known and not self._others_hold
+        return self._count is not None and not self._silenced
 
     @property
     def until_view(self) -> int:
@@ -268,9 +270,8 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         state = self._layout.unpack(values)
         check_age(state.stamp_ns, now_ns, self.age_limit_ns)
         self.ages.add(now_ns - state.stamp_ns)
-        own = self.analyser.index
-        self._others_hold = any(state.commanded[:own] + state.commanded[own + 1 :])
-        grasp = state.grasps[own]
+        self.commanded = state.commanded
+        grasp = state.grasps[self.analyser.index]
         if grasp.tobytes() != self.grasp.tobytes():
             self._follow(grasp)
         self.closed = state.active
@@ -288,32 +289,39 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         model.message.count = count
         if self.lockstep or self.analyses % self.view_every == 0:
             # Before the model, which is answered when it comes.
-            self._transmit(state, found.analysis)
+            self.transmit(state.stamp_ns, self.transmitted(state, found.analysis))
         self._publish_model.publish(self._encoder.encode(model.message.values))
         if self.analyses % self.view_every == 0:
             self.node.exchange.turn.publish_views()
             self.publish_view(found.analysis, count)
         self.analyses += 1
 
-    def _transmit(self, state: WireState, found: OperationalAnalysis) -> None:
-        """Publish the transmission of other hands' wrenches to the point."""
+    def transmitted(self, state: WireState, found: OperationalAnalysis) -> dict[str, Array]:
+        """Return how the wrenches of the other hands that hold the mechanism reach the point.
+
+        Args:
+            state: of the mechanism.
+            found: the point's analysis there.
+
+        Returns:
+            Y_ij (6, 6) by operational point; 1, m and 1/m, world axes.
+        """
         mechanism, own = self.mechanism, self.analyser.index
         places = {name: mechanism.point_index(name) for name in self.other_points}
         holding = {name: at for name, at in places.items() if state.commanded[at]}
-        matrices: dict[str, Array] = {}
-        if holding:
-            for name, at in holding.items():
-                self._place(name, state.grasps[at])
-            row = coupling(mechanism.evaluate(state.q, state.v, state.active))[own]
-            matrices = {name: transmission(found, row[at]) for name, at in holding.items()}
-        self.transmit(state.stamp_ns, matrices)
+        if not holding:
+            return {}
+        for name, at in holding.items():
+            self._place(name, state.grasps[at])
+        row = coupling(mechanism.evaluate(state.q, state.v, state.active))[own]
+        return {name: transmission(found, row[at]) for name, at in holding.items()}
 
     def transmit(self, stamp_ns: int, matrices: Mapping[str, Array]) -> None:
         """Publish how other hands' wrenches reach the point, in a scene with several.
 
         Args:
             stamp_ns: of the state, ns.
-            matrices: Y_ij (6, 6) by operational point; 1, m and 1/m, world axes.
+            matrices: as of :meth:`transmitted`.
         """
         if self._publish_transmission is not None:
             published = CouplingMatrices(stamp_ns, matrices)

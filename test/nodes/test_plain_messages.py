@@ -37,12 +37,17 @@ from hapticmech_ros.nodes.nullspace_analyser import NullspaceAnalyser
 from hapticmech_ros.nodes.sources import Origin, first_fault
 from hapticmech_ros.nodes.teleoperation_controller import TeleoperationController
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.operational.analysis import ContactWrenches
+from hapticmech_ros.operational.analysis import (
+    Analyser,
+    ContactWrenches,
+    coupling,
+    transmission,
+)
 from hapticmech_ros.operational.observation import PastRates
 from hapticmech_ros.simulation import MechanismState, Simulator
 from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import OperationalModelWriter
+from hapticmech_ros.wire.layouts import CouplingWire, OperationalModelWriter
 from hapticmech_ros.wire.messages import (
     DeviceStateMessage,
     LocalFeedbackGain,
@@ -60,7 +65,8 @@ COMMANDS = "/mechanism/handle/servo_cf WrenchStamped"
 DEVICE_STATES = "/device/state Float64MultiArray"
 DEVICE_COMMANDS = "/device/servo_cf WrenchStamped"
 GAINS = "/device/local_feedback_gain Float64MultiArray"
-RECEIVED = STATES, MODELS, COMMANDS, DEVICE_COMMANDS, DEVICE_STATES, GAINS
+TRANSMISSIONS = "/analysis/left/transmission Float64MultiArray"
+RECEIVED = STATES, MODELS, COMMANDS, DEVICE_COMMANDS, DEVICE_STATES, GAINS, TRANSMISSIONS
 RCL_PUBLISHERS: list[Callable[[bytes], int]] = []
 
 
@@ -301,17 +307,19 @@ class States:
         self._state = simulator.initial_state()
         self._grasps = flat_grasps(simulator.scene)
         self._pushes = np.random.default_rng(1)
+        self.commanded = (True,) * len(simulator.mechanism.point_names)
+        self.last: WireState | None = None
         self.stamp_ns = 0
 
     def next(self, spoil: Callable[[Any], None] | None = None) -> bytes:
         """Return the next one, stamped now; ``spoil`` changes its numbers."""
-        wrench = self._pushes.normal(size=(1, 6))
+        wrench = self._pushes.normal(size=(len(self.commanded), 6))
         self._state = state = self._simulator.step(self._state, wrench)
         self.stamp_ns = time.time_ns()
-        told = WireState(
-            self.stamp_ns, state.active, state.q, state.v, wrench, self._grasps, (True,)
+        self.last = WireState(
+            self.stamp_ns, state.active, state.q, state.v, wrench, self._grasps, self.commanded
         )
-        values = self._layout.pack(told)
+        values = self._layout.pack(self.last)
         if spoil is not None:
             spoil(values)
             return self._encoder.prefix + values.tobytes()
@@ -430,6 +438,45 @@ def test_states_are_answered_as_python_answers_them(
     assert analyser.exchange.lane.sent[actor._publish_model.number] > 2 * len(plain)
     assert len(found[0]) == len(plain)
     assert found[0] == found[1]
+
+
+def test_other_hands_that_hold_the_mechanism_need_no_python(
+    begun: Callable[..., Process], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    models = MODELS.replace("handle", "left")
+    peers = [(models, STATES), (TRANSMISSIONS, "")]
+    process = begun(NullspaceAnalyser, *peers, scene="two_users", operational_point="left")
+    actor, simulator = process.actor, Simulator(process.actor.shared_scene)
+    states, sent = States(simulator), dict[int, WireState]()
+
+    def speak() -> None:
+        process.speak(states.next())
+        sent[states.stamp_ns] = states.last
+
+    process.settle(speak)
+    wire, mechanism = CouplingWire(["right"], actor.limits), simulator.mechanism
+    analyser = Analyser(mechanism, "left")
+    for held in (True, False, True):
+        states.commanded = (True, held)
+        process.until(lambda held=held: (speak(), actor.commanded[1] == held)[1])
+        process.peers[1].answers()
+        codes, heard = by_the_kernel(process, monkeypatch), list[bytes]()
+
+        def enough(codes: list[int] = codes, heard: list[bytes] = heard) -> bool:
+            speak()
+            heard += process.peers[1].answers()
+            return len(heard) > 4 and lane_kernels.TO_LOOK_AT in codes
+
+        process.until(enough)
+        monkeypatch.undo()
+        for message in heard:
+            found = wire.unpack(FlatArray(wire.fields).decode(message))
+            assert list(found.by_point) == ["right"] * held
+            if held:
+                state = sent[found.stamp_ns]
+                terms = mechanism.evaluate(state.q, state.v, state.active)
+                expected = transmission(analyser.analyse(terms), coupling(terms)[0, 1])
+                np.testing.assert_allclose(found.by_point["right"], expected, atol=1e-9)
 
 
 @pytest.fixture
