@@ -38,7 +38,6 @@ from hapticmech_ros.nodes.sources import Origin, first_fault
 from hapticmech_ros.nodes.teleoperation_controller import TeleoperationController
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.analysis import (
-    Analyser,
     ContactWrenches,
     coupling,
     transmission,
