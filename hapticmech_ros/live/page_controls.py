@@ -122,15 +122,15 @@ _WORDS = {
     "rigid_directions": "double arrow and ring: rigid direction; this force and this torque "
     "together move nothing",
     "free_directions": "thin double arrow and ring: free direction",
-    MASS: "ellipsoid: mass felt at the point held; long where it is heavy, cut short where it is "
-    "rigid",
+    MASS: "ellipsoid: mass felt at the point held; longest where it is heaviest; where it is rigid "
+    "it ends at a largest length",
 }
 # Those of one user.
 COLOUR_WORDS = {
     "device": "yellow",
     "hand_force": "orange",
     "device_command": "red",
-    "contact_force": "purple",
+    "contact_force": "magenta",
     "point_command": "blue",
     "rigid_directions": "violet",
     "free_directions": "teal",
