@@ -63,6 +63,7 @@ _SOURCES = (
     "control/loop_layout.py",
     "control/account_kernels.py",
     "control/device_side_kernels.py",
+    "control/other_hands_kernels.py",
     "session/tick_kernels.py",
     "wire/messages.py",
     "wire/kernels.py",

@@ -18,28 +18,20 @@ F_j(t), and W is the weight that makes no loop unstable
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from hapticmech_ros.control.account_kernels import MOST, change_of_mean, remember, respond
-from hapticmech_ros.control.loop_layout import (
-    ControllerSettings,
-    HandMemory,
-    HandsCorrection,
-    MeanChange,
-)
+from hapticmech_ros.compilation import arrays_of
+from hapticmech_ros.control import other_hands_kernels as kernels
+from hapticmech_ros.control.account_kernels import respond
+from hapticmech_ros.control.loop_layout import ControllerSettings, HandsCorrection
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import OperationalModelSample
-from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.scene import Scene
 
 # Samples of another hand that are remembered.
 REMEMBERED = 64
-# After so many periods without a hand's sample nothing is corrected for it; and a period may begin
-# at most so many periods after the sample from which its wrench is extrapolated.
-SILENT, FARTHEST = 12, 1.0
 # The correction of a command without other hands.
 NO_OTHERS = HandsCorrection().values
 NO_OTHERS.flags.writeable = False
@@ -91,17 +83,29 @@ class OtherHands:
     Args:
         names: operational points that the others hold.
         period_ns: T, ns.
+
+    Attributes:
+        names: as given.
+        data: for kernels.
     """
 
     def __init__(self, names: Iterable[str], period_ns: int) -> None:
-        self._period_ns = period_ns
-        self._samples: dict[str, deque[tuple[int, Array]]] = {
-            name: deque(maxlen=REMEMBERED) for name in names
+        self.names = list(names)
+        count = len(self.names)
+        parts = {
+            "notes": np.zeros(kernels.HandsNotes.layout.size),
+            "counts": np.zeros(count),
+            "holding": np.zeros(count),
+            "stamps": np.zeros((count, REMEMBERED)),
+            "wrenches": np.zeros((count * REMEMBERED, 6)),
+            "gains": np.zeros((count, kernels.SQUARE)),
         }
+        self.data = kernels.HandsData(*arrays_of(kernels.HandsData, {}, parts))
+        self.data.notes.period = period_ns
 
     def forget(self, name: str) -> None:
         """Forget all samples of a hand, by its operational point."""
-        self._samples[name].clear()
+        self.data.counts[self.names.index(name)] = 0
 
     def measured(self, name: str, wrench: Array, stamp_ns: int) -> None:
         """Remember a wrench.
@@ -113,63 +117,39 @@ class OtherHands:
             wrench: (6,) F_j, by the hand, N and N m, world axes at its point.
             stamp_ns: of the sample, ns.
         """
-        samples = self._samples[name]
-        if not samples or stamp_ns > samples[-1][0]:
-            samples.append((stamp_ns, wrench.copy()))
+        kernels.remember_hand(self.data, self.names.index(name), stamp_ns, wrench)
 
     def known_at(self, name: str, stamp_ns: int) -> bool:
         """Return whether a sample of this time, or a later one, has come."""
-        samples = self._samples[name]
-        return bool(samples) and samples[-1][0] >= stamp_ns
+        data, hand = self.data, self.names.index(name)
+        last = int(data.counts[hand]) - 1
+        return last >= 0 and bool(data.stamps[hand, last % REMEMBERED] >= stamp_ns)
 
     def received(self, name: str, now_ns: int) -> bool:
         """Return whether a hand's wrench is known at a time (ns)."""
-        return self._newest(self._samples[name], now_ns) is not None
+        return bool(kernels.newest_sample(self.data, self.names.index(name), now_ns) >= 0)
 
-    def correction(self, gains: Mapping[str, Array], answered_ns: int, now_ns: int) -> Array:
-        """Return (19,) a ``HandsCorrection``: sums of H_j, and K; world axes at the own point.
+    def couple(self, gains: Mapping[str, Array], now_ns: int) -> None:
+        """Correct for these hands from now on.
 
         Args:
             gains: H_j (6, 6) by operational point; see the module.
+            now_ns: present time, ns.
+        """
+        data = self.data
+        data.notes.coupled = now_ns
+        for hand, name in enumerate(self.names):
+            data.holding[hand] = name in gains
+            if name in gains:
+                data.gains[hand] = gains[name].ravel()
+
+    def correction(self, answered_ns: int, now_ns: int) -> Array:
+        """Return (19,) a ``HandsCorrection``: sums of H_j, and K; world axes at the own point.
+
+        Args:
             answered_ns: t', stamp of the sample that the command answers, ns.
             now_ns: t, from which it is held, ns.
         """
-        added = np.zeros((3, 6))
-        for name, gain in gains.items():
-            added += self._changes(name, answered_ns, now_ns) @ gain.T
-        return np.append(added, float(len(gains)))
-
-    def _changes(self, name: str, answered_ns: int, now_ns: int) -> Array:
-        """Return (3, 6) F_j(t) - F_j(t' - T), F'_j and F''_j, as far as they are known."""
-        samples, period = self._samples[name], self._period_ns
-        at = self._newest(samples, now_ns)
-        if at is None:
-            return np.zeros((3, 6))
-        stamp_ns, wrench = samples[at]
-        change = wrench - samples[self._nearest(samples, at, answered_ns - period)][1]
-        memory, mean = HandMemory(), MeanChange()
-        first = max(at + 1 - MOST, 0)
-        before_ns = samples[first][0]
-        for number in range(first, at + 1):
-            known_ns, known = samples[number]
-            remember(memory, (known_ns - before_ns) / NANOSECONDS, known)
-            before_ns = known_ns
-        since = min(now_ns - stamp_ns, FARTHEST * period)
-        change_of_mean(memory, since / NANOSECONDS, period / NANOSECONDS, mean)
-        return np.array([change, mean.line, mean.bend])
-
-    def _newest(self, samples: deque[tuple[int, Array]], now_ns: int) -> int | None:
-        """Return which sample is the newest at a time (ns); None if the hand is silent then."""
-        at = len(samples) - 1
-        while at >= 0 and samples[at][0] > now_ns:
-            at -= 1
-        if at < 0 or now_ns - samples[at][0] > SILENT * self._period_ns:
-            return None
-        return at
-
-    @staticmethod
-    def _nearest(samples: deque[tuple[int, Array]], at: int, time_ns: int) -> int:
-        """Return which sample, of those up to ``at``, is nearest to a time (ns)."""
-        while at > 0 and abs(samples[at - 1][0] - time_ns) <= abs(samples[at][0] - time_ns):
-            at -= 1
-        return at
+        found = HandsCorrection()
+        kernels.correct_for_hands(self.data, answered_ns, now_ns, found)
+        return found.values

@@ -354,6 +354,7 @@ class DeviceDriver(ClockedActor[D]):
     Attributes:
         command_timeout: how long a command, and a real device's sample, is valid, s.
         side: passivity controller and limits that commands pass.
+        users: inputs from other users' devices.
         loop: stores samples, and corrects commands for the motion since.
         answers: to the device's samples.
         device: the device driven.
@@ -365,7 +366,7 @@ class DeviceDriver(ClockedActor[D]):
         super().__init__(node, parameters)
         self._limit(parameters)
         self.side = DeviceSide(self.scene, self._limits)
-        self._users = OtherUsers(self)
+        self.users = OtherUsers(self)
         self._begin_loop()
         self.device = self.new_device()
         self._push: Array = NO_WRENCH
@@ -426,7 +427,7 @@ class DeviceDriver(ClockedActor[D]):
             self.input(DEVICE_BODY_AXES.name, Bool, STREAM_PUBLISHER, self._on_own_axes)
         if self.is_local:
             self.input_array(DEVICE_GAIN.name, qos, self._on_gain, LocalFeedbackGain.layout, gains)
-        self._users.listen(lambda: self.loop)
+        self.users.listen(lambda: self.loop)
 
     def new_device(self) -> SimulatedDevice:
         """Return the device that is driven."""
@@ -449,7 +450,7 @@ class DeviceDriver(ClockedActor[D]):
 
     def _begin_loop(self) -> None:
         paired = self.is_local and self.scene.connection.networked
-        others = self._users.begin()
+        others = self.users.begin()
         bounds = message_bounds(LocalFeedbackGain, self.limits)
         self.loop = LocalLoop(self.period_s, bounds, paired, others)
         self.answers = Answers(self.loop)
@@ -522,7 +523,7 @@ class DeviceDriver(ClockedActor[D]):
         if not self.lockstep and self._command.lapsed(self.now_ns(), self.timeout_ns):
             # Now, and not only after the missed periods have been caught up.
             self._lose("servo_cf is lost")
-        self._users.drop_doubtful(self.loop, self.now_ns())
+        self.users.drop_doubtful(self.loop, self.now_ns())
         if self._ticks or not self.lockstep:
             for known_ns, now_ns in self.steps(periods, deadline_ns):
                 self._move(self._standing_command(known_ns, now_ns))
@@ -555,9 +556,9 @@ class DeviceDriver(ClockedActor[D]):
             return False
         posed = self._poses.goal(now) is not None
         waits = self.backlog.owed or self._last_valid.resting or self._let_go_unpublished or posed
-        alone = self.loop.others is None
-        reported = self._obeyed_form is DEVICE_COMMAND and self.answers.obeys and alone
-        if waits or not reported or self._refusal(now) or self._push is not NO_WRENCH:
+        doubtful = self.users.drop_doubtful(self.loop, now)
+        reported = self._obeyed_form is DEVICE_COMMAND and self.answers.obeys
+        if waits or doubtful or not reported or self._refusal(now) or self._push is not NO_WRENCH:
             return False
         held, order = self.held, self.loop.order.last
         model[:] = gain[0]
@@ -657,7 +658,7 @@ class DeviceDriver(ClockedActor[D]):
         rendering = not fault and (bool(posed) or self._command.fresh(now, self.timeout_ns))
         doing = f"pulled to a pose by {posed}" if posed else "rendering"
         sentence = doing if rendering else f"{fault or 'no commands'}: actuators at zero"
-        doubtful = self._users.fault(now)
+        doubtful = self.users.fault(now)
         if rendering and doubtful:
             sentence += f", not corrected for other hands: {doubtful}"
         return (
@@ -671,7 +672,7 @@ class DeviceDriver(ClockedActor[D]):
                 "changed_by_passivity": str(self.side.passivity.changed),
                 **{reason.counted_as: str(count) for reason, count in counts.items()},
                 **self.answers.figures(),
-                **self._users.figures(self.loop, now),
+                **self.users.figures(self.loop, now),
                 **self.figures(now),
             },
         )

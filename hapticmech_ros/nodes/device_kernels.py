@@ -14,6 +14,12 @@ from hapticmech_ros.control.device_side_kernels import (
     correct,
 )
 from hapticmech_ros.control.loop_layout import DeviceAccount, HandMemory, HandsCorrection
+from hapticmech_ros.control.other_hands_kernels import (
+    SQUARE,
+    HandsData,
+    correct_for_hands,
+    remember_hand,
+)
 from hapticmech_ros.device.kernels import (
     DeviceModel,
     PublishedState,
@@ -58,6 +64,7 @@ from hapticmech_ros.nodes.lane_kernels import (
 )
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DeviceSample, LocalModel
+from hapticmech_ros.numerics.small_matrices import is_zero
 from hapticmech_ros.wire.kernels import (
     GAIN,
     QUATERNION_TOLERANCE,
@@ -67,8 +74,8 @@ from hapticmech_ros.wire.kernels import (
 )
 from hapticmech_ros.wire.messages import DeviceStateMessage, LocalFeedbackGain
 
-# Indices of the topics that are read.
-COMMANDS, GAINS = 0, 1
+# Indices of the topics that are read; those of other hands come last.
+COMMANDS, GAINS, COUPLINGS, HANDS = 0, 1, 2, 3
 # Where in a sample's data the published state begins; and in a gain's data, its second stamp.
 PUBLISHED = DeviceStateMessage.layout.start("position")
 ANSWERED = LocalFeedbackGain.layout.start("answered")
@@ -194,17 +201,96 @@ def take_gain(
     return True
 
 
+@inner
+def take_beside(link: DeviceLink, topic: SubscribedTopic, words: Array, quaternion: int) -> int:
+    """Take the next message of a topic that is no command, if it is valid.
+
+    Args:
+        link: shared state.
+        topic: of the message.
+        words: (5,) work space.
+        quaternion: as of :func:`~hapticmech_ros.wire.kernels.sound_stamp`.
+
+    Returns:
+        Its stamp, ns; NOTHING if there is none, or OTHER.
+    """
+    found = peek(link, topic, words)
+    if found != PLAIN:
+        return found
+    time, counted, sent, read = words[0], words[2], words[3], topic.reading
+    stamp = sound_stamp(topic.values, topic.most, quaternion, QUATERNION_TOLERANCE)
+    if stamp == UNSOUND or abs(time - stamp) > link.oldest:
+        return OTHER
+    take(topic, words)
+    read.read, read.counted, read.sent_ns = time, counted, sent
+    return int(stamp)
+
+
+@inner
+def take_coupling(
+    link: DeviceLink, topic: SubscribedTopic, words: Array, hands: HandsData, places: Array
+) -> bool:
+    """Take the next ``coupling_gain`` if it is valid, as ``LocalLoop.take_coupling`` does.
+
+    Args:
+        link: shared state.
+        topic: of these messages.
+        words: (5,) work space.
+        hands: other hands; changed.
+        places: (k,) where the matrix of each begins in the message's data.
+
+    Returns:
+        Whether one was taken.
+    """
+    stamp = take_beside(link, topic, words, -1)
+    if stamp in (NOTHING, OTHER):
+        return False
+    if stamp > link.gain_after:
+        hands.notes.coupled = arrival(words)
+        for hand in range(places.size):
+            gain = topic.values[places[hand] : places[hand] + SQUARE]
+            hands.holding[hand] = 0 if is_zero(gain) else 1
+            put(hands.gains[hand], gain)
+    return True
+
+
+@inner
+def take_samples(
+    link: DeviceLink, topic: SubscribedTopic, words: Array, hands: HandsData, hand: int
+) -> bool:
+    """Take samples of another hand's device; return whether no message is left.
+
+    Args:
+        link: shared state.
+        topic: of the samples.
+        words: (5,) work space.
+        hands: other hands; changed.
+        hand: whose samples these are.
+    """
+    for _ in range(hands.stamps.shape[1]):
+        stamp = take_beside(link, topic, words, SAMPLE_QUATERNION)
+        if stamp in (NOTHING, OTHER):
+            return bool(stamp == NOTHING)
+        wrench = DeviceStateMessage(topic.values).sample.hand_wrench
+        remember_hand(hands, hand, stamp, wrench)
+    return False
+
+
 @kernel(
-    "int64(DeviceLink, SubscribedTopic, SubscribedTopic, PublishedTopic, int64[::1],"
-    " float64[:, ::1], float64[::1], float64[::1], float64[::1], float64[::1], DeviceAccount,"
-    " Safety, int64[::1], float64[:, ::1], float64[::1], float64[::1], HandsCorrection,"
-    " float64, float64[::1], float64[::1], int64[::1], int64[::1])",
+    "int64(DeviceLink, SubscribedTopic, SubscribedTopic, SubscribedTopic, int64[:, ::1],"
+    " float64[:, ::1], PublishedTopic, int64[::1], float64[:, ::1], float64[::1], float64[::1],"
+    " float64[::1], float64[::1], DeviceAccount, Safety, int64[::1], float64[:, ::1],"
+    " float64[::1], float64[::1], HandsData, int64[::1], float64, float64[::1], float64[::1],"
+    " int64[::1], int64[::1])",
     waits=True,
 )
 def drive_at_deadlines(
     link: DeviceLink,
     command: SubscribedTopic,
     gain: SubscribedTopic,
+    coupling: SubscribedTopic,
+    topics: Array,
+    bounds: Array,
     states: PublishedTopic,
     polled: Array,
     commands: Array,
@@ -218,7 +304,8 @@ def drive_at_deadlines(
     samples: Array,
     hand: Array,
     model: Array,
-    others: HandsCorrection,
+    hands: HandsData,
+    places: Array,
     period: float,
     energies: Array,
     trips: Array,
@@ -231,8 +318,12 @@ def drive_at_deadlines(
         link: shared state; changed.
         command: commands to the device.
         gain: how they depend on the device; over the same connection.
+        coupling: how they depend on other hands, ``coupling_gain``; likewise.
+        topics: (k, integers) a ``SubscribedTopic`` of the samples of each other hand's device.
+        bounds: (k, numbers) their other arrays.
         states: the device's samples.
-        polled: (n,) struct pollfd of all connections but that of the controller's process.
+        polled: (n,) struct pollfd of all connections but those of the processes of the controller
+            and the other devices.
         commands: (2, 6) the present command, and the one before, N and N m; changed.
         fastest: (2,) greatest speeds of the device, m/s and rad/s.
         device: (numbers,) a :class:`~hapticmech_ros.device.kernels.DeviceModel`, and the plan of
@@ -245,7 +336,8 @@ def drive_at_deadlines(
         samples: (n, 19) these samples.
         hand: (22,) the hand's last wrenches.
         model: (108,) how commands depend on the device, a ``LocalModel``; changed.
-        others: correction for other hands, zeros.
+        hands: other hands, k of them; changed.
+        places: (k,) as of :func:`take_coupling`.
         period: s.
         energies: (2,) E_m as received last, J, and its value that counts as zero; NaN until it is
             received; changed.
@@ -260,6 +352,7 @@ def drive_at_deadlines(
     body, now_there, next_there = DeviceModel(device), SimulatedState(state), SimulatedState(later)
     measured, published = DeviceSample(state).values, PublishedState(state).values
     sample, asked, added = DeviceSample(local(SAMPLE_SIZE)), local(6), local(6)
+    others = HandsCorrection()
     while link.reads < ages.size:
         now = time_of(MONOTONIC, words)
         if now < link.next - link.ahead:
@@ -274,6 +367,8 @@ def drive_at_deadlines(
             if found == OTHER:
                 if take_gain(link, gain, words, model, energies):
                     continue
+                if take_coupling(link, coupling, words, hands, places):
+                    continue
                 return TO_READ
             if take_command(link, port, command, words, commands, found, ages):
                 link.answered_before = link.answered
@@ -281,6 +376,10 @@ def drive_at_deadlines(
             if row_of(stamps, link.remembers, found) >= 0:
                 trips[link.trips] = (port.received - found) / 1e9
                 link.trips += 1
+        for k in range(places.size):
+            topic = SubscribedTopic(topics[k], bounds[k])
+            if not take_samples(link, topic, words, hands, k):
+                return TO_READ
         now_real, time = time_of(REALTIME, words), now + link.ahead
         missed = missed_deadlines(link, words, now, now_real)
         if missed < 0 or now - listened[0] > DEAF_NS:
@@ -298,6 +397,11 @@ def drive_at_deadlines(
             row = row_of(stamps, link.remembers, answered)
             if row >= 0 and time - link.gain_ns <= link.fresh:
                 newest = DeviceSample(samples[(link.remembers - 1) % stamps.size])
+                if time - hands.notes.coupled <= link.fresh:
+                    correct_for_hands(hands, answered, link.sampled, others)
+                else:
+                    others.values[:] = 0.0
+                    hands.notes.uncorrected += min(places.size, 1)
                 correct(
                     commands[before],
                     LocalModel(model),

@@ -16,8 +16,7 @@ from geometry_msgs.msg import WrenchStamped
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
-from hapticmech_ros.control.loop_layout import DeviceAccount, HandsCorrection
-from hapticmech_ros.control.other_hands import NO_OTHERS
+from hapticmech_ros.control.loop_layout import DeviceAccount
 from hapticmech_ros.device import (
     NO_WRENCH,
     DeviceState,
@@ -41,6 +40,7 @@ from hapticmech_ros.nodes.plain_messages import (
     PlainMessages,
     Publication,
     Received,
+    stacked,
 )
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import nanoseconds
@@ -137,10 +137,12 @@ class DeviceTicks(PlainMessages):
         received = [
             command.received(topic, actor.commanders),
             Received(gain_topic, actor.gains, gains.prefix, gain_most, beside=True),
+            *actor.users.received(),
         ]
         self.link = own.DeviceLink()
         super().__init__(actor, received, [Publication(outlet, sample.prefix, most)], self.link)
         self._driver, self._device = actor, device
+        self._hands = stacked(self.inputs[own.HANDS :])
         self._out = DeviceStateMessage(self.outputs[0].values)
         self._commands, self._trips = np.zeros((2, 6)), np.zeros(MOST_READ)
         self._state, self._later = SimulatedState().values, SimulatedState().values
@@ -160,12 +162,14 @@ class DeviceTicks(PlainMessages):
     def kernel(self) -> Callable[[], int]:
         """Return the kernel with all that it is called with."""
         actor, loop, side = self._driver, self._driver.loop, self._driver.side
-        command, gain = self.inputs
+        command, gain, coupling = self.inputs[: own.HANDS]
         return partial(
             own.drive_at_deadlines,
             self.link,
             command,
             gain,
+            coupling,
+            *self._hands,
             self.outputs[0],
             self.polled,
             self._commands,
@@ -179,7 +183,8 @@ class DeviceTicks(PlainMessages):
             loop.samples,
             loop.hand,
             self._model,
-            HandsCorrection(NO_OTHERS),
+            loop.others.data,
+            actor.users.places,
             actor.period_s,
             loop.energies,
             self._trips,

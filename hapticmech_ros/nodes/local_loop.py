@@ -58,17 +58,14 @@ class LocalLoop:
         paired: whether a gain comes with every command, as it does over a declared network. There a
             command whose gain was lost would be corrected by an outdated one: the last command that
             has its own is obeyed instead, for a while.
-        others: wrenches of other users' hands; None without others.
+        others: wrenches of other users' hands; none of them if left out.
 
     Attributes:
         stamps, samples, count: those that are remembered; see ``device_kernels.find_sample``.
         hand: (22,) the hand's last wrenches, a ``HandMemory``.
         newest_ns: stamp of the last sample, ns.
         gains, couplings: by stamp, in lockstep.
-        others: as given.
-        corrected_for_others: commands that were corrected for other hands.
-        uncorrected_for_others: that were not, because a hand's wrench, or the gain, was not
-            received.
+        others: wrenches of other users' hands.
         order: of gains; overtaken ones are dropped.
     """
 
@@ -84,9 +81,8 @@ class LocalLoop:
         self.stamps = np.full(REMEMBERED, -1, dtype=np.int64)
         self.samples = np.zeros((REMEMBERED, DeviceSample.layout.size))
         self.count = 0
-        self.others = others
-        self.corrected_for_others = self.uncorrected_for_others = 0
-        self._coupling: Latest[CouplingMatrices] = Latest()
+        self.others = others or OtherHands((), nanoseconds(period))
+        self.forget_coupling()
         self.couplings: dict[int, CouplingMatrices] = {}
         self.newest_ns = NEVER
         self._bounds = bounds or message_bounds(LocalFeedbackGain)
@@ -128,9 +124,9 @@ class LocalLoop:
     def plain_gain(self) -> tuple[Array, int] | None:
         """How commands depend on the device (108,), and since when that is known, ns.
 
-        None if more than that corrects them.
+        None over a declared network, where each command has its own.
         """
-        if self._paired or self.others is not None:
+        if self._paired:
             return None
         gain = self._gain.value
         return (NO_GAIN if gain is None else gain.model.values), self._gain.stamp_ns
@@ -209,11 +205,11 @@ class LocalLoop:
         if lockstep:
             self.couplings[found.stamp_ns] = found
         elif found.stamp_ns > self.from_ns:
-            self._coupling.put(found, now_ns)
+            self.others.couple(found.by_point, now_ns)
 
     def forget_coupling(self) -> None:
         """Correct nothing for other hands until the next ``coupling_gain``."""
-        self._coupling = Latest()
+        self.others.couple({}, NEVER)
 
     def knows_others(self, answered_ns: int, sampled_ns: int) -> bool:
         """Return whether all is there, in lockstep, that corrects a command for other hands.
@@ -223,7 +219,7 @@ class LocalLoop:
             sampled_ns: of the samples from which it acts, ns.
         """
         others = self.others
-        if others is None:
+        if not others.names:
             return True
         if answered_ns not in self.couplings:
             return False
@@ -242,7 +238,8 @@ class LocalLoop:
 
     def forget(self, now_ns: int) -> None:
         """Correct nothing until there is a gain that answers a sample later than now."""
-        self._gain, self._coupling, self.from_ns = Latest(), Latest(), now_ns
+        self._gain, self.from_ns = Latest(), now_ns
+        self.forget_coupling()
         self.energies[:] = np.nan
         self._pair = None
         self._unpaired.clear()
@@ -268,9 +265,11 @@ class LocalLoop:
         gain = self._gain.value
         if gain is None or not self._gain.fresh(now_ns, FRESH_NS):
             return command
-        coupling = self._coupling
-        matrices = coupling.value if coupling.fresh(now_ns, FRESH_NS) else None
-        others = self._for_others(matrices, answered_ns)
+        notes, others = self.others.data.notes, NO_OTHERS
+        if now_ns - notes.coupled <= FRESH_NS:
+            others = self.others.correction(answered_ns, self.newest_ns)
+        else:
+            notes.uncorrected += len(self.others.names) > 0
         return self._corrected(command, gain, answered_ns, others)
 
     def correct_in_lockstep(self, command: Array, stamp_ns: int) -> Array:
@@ -282,23 +281,10 @@ class LocalLoop:
         """
         gain = self.gains.pop(stamp_ns)
         self.energies[:] = gain.to_mechanism, 0.0
-        matrices = None if self.others is None else self.couplings.pop(stamp_ns)
-        others = self._for_others(matrices, gain.answered_ns)
+        if self.others.names:
+            self.others.couple(self.couplings.pop(stamp_ns).by_point, self.newest_ns)
+        others = self.others.correction(gain.answered_ns, self.newest_ns)
         return self._corrected(command, gain, gain.answered_ns, others)
-
-    def _for_others(self, matrices: CouplingMatrices | None, answered_ns: int) -> Array:
-        """Return (19,) a command's correction for other hands; see ``control.other_hands``."""
-        others, now_ns = self.others, self.newest_ns
-        if others is None:
-            return NO_OTHERS
-        if matrices is None:
-            self.uncorrected_for_others += 1
-            return NO_OTHERS
-        if not all(others.received(name, now_ns) for name in matrices.by_point):
-            self.uncorrected_for_others += 1
-        elif matrices.by_point:
-            self.corrected_for_others += 1
-        return others.correction(matrices.by_point, answered_ns, now_ns)
 
     def _corrected(
         self,

@@ -13,14 +13,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import numpy as np
+from std_msgs.msg import Float64MultiArray
+
 from hapticmech_ros.control.other_hands import OtherHands, received_directly
 from hapticmech_ros.nodes.actor import Actor, ClockedActor
 from hapticmech_ros.nodes.inputs import Latest
 from hapticmech_ros.nodes.local_loop import FRESH_NS, LocalLoop
 from hapticmech_ros.nodes.messages import check_age
+from hapticmech_ros.nodes.plain_messages import Received
 from hapticmech_ros.nodes.sources import Sources, first_fault
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.wire.bounds import message_bounds, read
+from hapticmech_ros.wire.bounds import Bounds, message_bounds, read
+from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.layouts import CouplingMatrices, CouplingWire
 from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.topics import DEVICE_COUPLING, DEVICE_STATE, TRANSMISSION
@@ -140,6 +145,9 @@ class OtherUsers:
 
     Args:
         actor: the device.
+
+    Attributes:
+        places: (k,) where the matrix of each of the k others begins in a ``coupling_gain``'s data.
     """
 
     def __init__(self, actor: ClockedActor[Any]) -> None:
@@ -150,13 +158,14 @@ class OtherUsers:
         names = received_directly(actor.shared_scene, actor.point, points)
         self._names = {f"{root}/{name}/{DEVICE_STATE.name}": name for name in names}
         self._wire = CouplingWire(actor.other_points, actor.limits)
+        self.places = np.array([self._wire.fields.start(name) for name in names], dtype=np.int64)
         self._guard = CouplingGuard(actor)
+        topics = DEVICE_COUPLING.name, *self._names
+        self._sources = {topic: self._guard.watch(topic) for topic in topics}
 
-    def begin(self) -> OtherHands | None:
-        """Return the store of their hands' wrenches; None without other users."""
+    def begin(self) -> OtherHands:
+        """Return the store of their hands' wrenches."""
         self._guard.forget()
-        if not self._names:
-            return None
         return OtherHands(self._names.values(), self._actor.period_ns)
 
     def listen(self, loop: Callable[[], LocalLoop]) -> None:
@@ -167,7 +176,7 @@ class OtherUsers:
         """
         if not self._names:
             return
-        actor, lockstep, watch = self._actor, self._actor.lockstep, self._guard.watch
+        actor, lockstep, sources = self._actor, self._actor.lockstep, self._sources
 
         def on_coupling(values: Array, now_ns: int) -> None:
             found = self._wire.unpack(values)
@@ -176,19 +185,33 @@ class OtherUsers:
                 actor.act(now_ns)
 
         qos, gains = actor.control_input, DEVICE_COUPLING.name
-        actor.input_array(gains, qos, on_coupling, self._wire.fields, watch(gains))
+        actor.input_array(gains, qos, on_coupling, self._wire.fields, sources[gains])
         for topic, name in self._names.items():
             actor.input_array(
-                topic, qos, self._receives(name, loop), DeviceStateMessage.layout, watch(topic)
+                topic, qos, self._receives(name, loop), DeviceStateMessage.layout, sources[topic]
             )
 
-    def drop_doubtful(self, loop: LocalLoop, now_ns: int) -> None:
-        """Forget inputs that have two publishers now (ns)."""
-        for topic in self._guard.doubtful(now_ns):
+    def received(self) -> list[Received]:
+        """Return the topics for a kernel, ``coupling_gain`` first; it is there without others."""
+        prefix, actor = FlatArray(self._wire.fields).prefix, self._actor
+        topic = actor.lane_topic(DEVICE_COUPLING.name, Float64MultiArray) if self._names else ""
+        coupling, *states = self._sources.values()
+        found = [Received(topic, coupling, prefix, self._wire.bounds.most, beside=True)]
+        prefix = FlatArray(DeviceStateMessage.layout).prefix
+        for (topic, name), sources in zip(self._names.items(), states, strict=True):
+            told, most = actor.lane_topic(topic, Float64MultiArray), self._bounds(name).most
+            found.append(Received(told, sources, prefix, most, awaited=False, may_lack=True))
+        return found
+
+    def drop_doubtful(self, loop: LocalLoop, now_ns: int) -> bool:
+        """Forget inputs that have two publishers now (ns); return whether there are any."""
+        found = self._guard.doubtful(now_ns)
+        for topic in found:
             if topic == DEVICE_COUPLING.name:
                 loop.forget_coupling()
-            elif loop.others is not None:
+            else:
                 loop.others.forget(self._names[topic])
+        return bool(found)
 
     def fault(self, now_ns: int) -> str:
         """Return a sentence that names two publishers of one topic; empty if there are none."""
@@ -200,20 +223,21 @@ class OtherUsers:
             return {}
         return {
             "coupling_fault": self.fault(now_ns),
-            "corrected_for_others": str(loop.corrected_for_others),
-            "uncorrected_for_others": str(loop.uncorrected_for_others),
+            "corrected_for_others": str(loop.others.data.notes.corrected),
+            "uncorrected_for_others": str(loop.others.data.notes.uncorrected),
         }
 
     def _receives(self, name: str, loop: Callable[[], LocalLoop]) -> Callable[[Array, int], None]:
-        limits = self._actor.shared_scene.held_at(name).limits
-        bounds = message_bounds(DeviceStateMessage, limits)
+        bounds = self._bounds(name)
 
         def on_state(values: Array, now_ns: int) -> None:
-            found, others = read(DeviceStateMessage, values, bounds), loop().others
+            found = read(DeviceStateMessage, values, bounds)
             check_age(found.stamp_ns, now_ns, self._actor.age_limit_ns)
-            if others is not None:
-                others.measured(name, found.sample.hand_wrench, found.stamp_ns)
-                if self._actor.lockstep:
-                    self._actor.act(now_ns)
+            loop().others.measured(name, found.sample.hand_wrench, found.stamp_ns)
+            if self._actor.lockstep:
+                self._actor.act(now_ns)
 
         return on_state
+
+    def _bounds(self, name: str) -> Bounds:
+        return message_bounds(DeviceStateMessage, self._actor.shared_scene.held_at(name).limits)

@@ -118,6 +118,8 @@ def stacked(topics: Sequence[kernels.SubscribedTopic]) -> tuple[Array, Array]:
     Returns:
         (topics, integers) and (topics, numbers).
     """
+    if not topics:
+        return np.zeros((0, 0), dtype=np.int64), np.zeros((0, 0))
     numbers = np.array([one.numbers for one in topics])
     data = np.array([one.data for one in topics])
     for one, *views in zip(topics, numbers, data, strict=True):

@@ -232,7 +232,9 @@ class SharedSession:
             return NO_OTHERS
         now_ns = self._ticks * self._period_ns
         answered_ns = now_ns - self._delay * self._period_ns
-        return self._others[point].correction(gains[0], answered_ns, now_ns)
+        others = self._others[point]
+        others.couple(gains[0], now_ns)
+        return others.correction(answered_ns, now_ns)
 
     def _couple(self) -> None:
         """Find H of this tick's answers."""

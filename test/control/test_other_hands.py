@@ -8,13 +8,12 @@ import pytest
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.other_hands import (
-    FARTHEST,
     REMEMBERED,
-    SILENT,
     OtherHands,
     coupling_gain,
     received_directly,
 )
+from hapticmech_ros.control.other_hands_kernels import FARTHEST, SILENT
 from hapticmech_ros.numerics.layout import OperationalModelSample
 from hapticmech_ros.scene import scene_from_document
 from oracles.users import two_points
@@ -32,7 +31,8 @@ def told(force, ticks, first=0):
 
 
 def correction(others, answered, now, gains=GAIN):
-    found = others.correction(gains, round(answered * PERIOD_NS), round(now * PERIOD_NS))
+    others.couple(gains, round(now * PERIOD_NS))
+    found = others.correction(round(answered * PERIOD_NS), round(now * PERIOD_NS))
     assert found[18] == len(gains)
     return found[:18].reshape(3, 6).sum(axis=0)
 
