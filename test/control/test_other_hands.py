@@ -63,6 +63,39 @@ def test_samples_that_come_later_are_not_used_and_old_ones_are_carried_on_so_far
     assert not correction(told(rising, 10), 8, 9, gains={}).any()
 
 
+@pytest.mark.parametrize("count", [1, 2, 3, REMEMBERED + 5])
+def test_hands_are_carried_on_by_the_parabola_through_their_last_three_samples(count):
+    rng = np.random.default_rng(count)
+    names = ["a", "b", "c"]
+    others = OtherHands(names, PERIOD_NS)
+    gains = {name: rng.normal(size=(6, 6)) for name in names[1:]}
+    now, answered, expected = 200, 197, np.zeros((3, 6))
+    for name in names:
+        # One to two periods apart; the last one is up to a period old.
+        ticks = now - np.append(0.0, np.cumsum(rng.uniform(1.0, 2.0, count - 1)))[::-1]
+        stamps = np.round((ticks - rng.uniform()) * PERIOD_NS)
+        wrenches = rng.normal(size=(count, 6))
+        for stamp, wrench in zip(stamps.astype(int).tolist(), wrenches, strict=True):
+            others.measured(name, wrench, stamp)
+        # In periods from now.
+        times = stamps / PERIOD_NS - now
+        nearest = int(np.abs(times - (answered - 1 - now))[-REMEMBERED:].argmin())
+        changes = [wrenches[-1] - wrenches[-REMEMBERED:][nearest]]
+        means = [wrenches[-1]]
+        for order in (1, 2):
+            least = min(order, count - 1)
+            through = np.polyfit(times[-least - 1 :], wrenches[-least - 1 :], least)
+            whole = [np.polyint(one) for one in through.T]
+            means.append(np.array([np.polyval(one, 1.0) - np.polyval(one, 0.0) for one in whole]))
+        changes += [means[1] - means[0], means[2] - means[1]]
+        if name in gains:
+            expected += np.array(changes) @ gains[name].T
+    others.couple(gains, 0)
+    found = others.correction(answered * PERIOD_NS, now * PERIOD_NS)
+    assert found[18] == len(gains)
+    assert found[:18].reshape(3, 6) == pytest.approx(expected, rel=1e-9, abs=1e-10)
+
+
 def test_what_was_overtaken_is_dropped_and_what_is_old_forgotten():
     others = told(float, 10)
     others.measured("b", np.full(6, 100.0), 4 * PERIOD_NS)

@@ -23,6 +23,7 @@ import pytest
 from benchmarks.reliability.fake_graph import Host
 from hapticmech_ros.compilation.records import Record
 from hapticmech_ros.compilation.structures import Structure
+from hapticmech_ros.control.other_hands import REMEMBERED
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.mechanism.closures import flat_grasps
 from hapticmech_ros.nodes import exchange as exchange_module
@@ -46,7 +47,7 @@ from hapticmech_ros.operational.observation import PastRates
 from hapticmech_ros.simulation import MechanismState, Simulator
 from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import CouplingWire, OperationalModelWriter
+from hapticmech_ros.wire.layouts import CouplingMatrices, CouplingWire, OperationalModelWriter
 from hapticmech_ros.wire.messages import (
     DeviceStateMessage,
     LocalFeedbackGain,
@@ -65,7 +66,13 @@ DEVICE_STATES = "/device/state Float64MultiArray"
 DEVICE_COMMANDS = "/device/servo_cf WrenchStamped"
 GAINS = "/device/local_feedback_gain Float64MultiArray"
 TRANSMISSIONS = "/analysis/left/transmission Float64MultiArray"
+LEFT_STATES, LEFT_COMMANDS, LEFT_GAINS = (
+    f"/left{topic}" for topic in (DEVICE_STATES, DEVICE_COMMANDS, GAINS)
+)
+COUPLINGS = "/left/device/coupling_gain Float64MultiArray"
+RIGHT_STATES = f"/right{DEVICE_STATES}"
 RECEIVED = STATES, MODELS, COMMANDS, DEVICE_COMMANDS, DEVICE_STATES, GAINS, TRANSMISSIONS
+RECEIVED = *RECEIVED, LEFT_STATES
 RCL_PUBLISHERS: list[Callable[[bytes], int]] = []
 
 
@@ -176,6 +183,7 @@ class Process:
         kind: of the actor.
         peers: what each hears and speaks on.
         scene: of the actor.
+        namespace: likewise.
         settings: its other parameters.
     """
 
@@ -185,6 +193,7 @@ class Process:
         kind: Any,
         *peers: tuple[str, str],
         scene: str = "five_bar",
+        namespace: str = "",
         **settings: str,
     ) -> None:
         self.exchange = Exchange()
@@ -192,7 +201,7 @@ class Process:
         graph = SimpleNamespace(
             exchange=self.exchange,
             deliver=self.exchange.deliver,
-            namespace="",
+            namespace=namespace,
             now_ns=0,
             pushing=(),
         )
@@ -1330,8 +1339,8 @@ def test_what_a_device_says_beside_its_samples_needs_no_python(
     controller.until(noticed)
 
 
-def begin_driving(begun: Callable[..., Process], **place: Path) -> Process:
-    process = begun(HapticDevice, (DEVICE_STATES, DEVICE_COMMANDS), **place)
+def begin_driving(begun: Callable[..., Process], *peers: tuple[str, str], **given: Any) -> Process:
+    process = begun(HapticDevice, *(peers or [(DEVICE_STATES, DEVICE_COMMANDS)]), **given)
     # Whatever else runs here.
     process.actor.timeout_ns = 10_000 * MS
     # As many as a kernel makes up for at once.
@@ -1351,11 +1360,17 @@ class Logged:
         self.events: list[tuple[str, tuple[Any, ...], int]] = []
         self._taken: list[tuple[str, tuple[Any, ...], int]] = []
         self.by_kernel = self.gains_by_kernel = 0
+        # Samples of another hand, and H.
+        self.hands_by_kernel = self.couplings_by_kernel = 0
+        self._process = process
+        self._note_others()
         actor, note = process.actor, self.events.append
         tick, obey, take, moved = actor.tick, actor._obey, actor.loop.take, actor.moved
         took = actor.loop.took
+        couple, measured = actor.loop.take_coupling, actor.loop.others.measured
 
         def ticked(periods: int, deadline_ns: int) -> None:
+            self._note_others()
             note(("tick", (periods, deadline_ns), process.host.now_ns()))
             tick(periods, deadline_ns)
 
@@ -1367,7 +1382,19 @@ class Logged:
             note(("take", (values.copy(), now_ns, *rest), now_ns))
             take(values, now_ns, *rest)
 
+        def coupled(found: Any, now_ns: int, *rest: Any) -> None:
+            note(("take_coupling", (found, now_ns, *rest), now_ns))
+            couple(found, now_ns, *rest)
+            self._seen = self._others()
+
+        def told(name: str, wrench: Any, stamp_ns: int) -> None:
+            note(("measured", (name, wrench.copy(), stamp_ns), process.host.now_ns()))
+            measured(name, wrench, stamp_ns)
+            self._seen = self._others()
+
         def kernel_moved(link: Any, commands: Any, *rest: Any) -> None:
+            # They come with a command, before which they are sent.
+            self._note_others()
             # A command ends the run, with the step before which it was read.
             steps, received = link.done, link.port.received
             last = link.next - actor.period_ns
@@ -1398,26 +1425,57 @@ class Logged:
 
         actor.tick, actor._obey, actor.loop.take = ticked, obeyed, taken
         actor.moved, actor.loop.took = kernel_moved, kernel_took
+        actor.loop.take_coupling, actor.loop.others.measured = coupled, told
         process.wait.ages = np.zeros(1, dtype=np.int64)
 
-    def replayed(self, scene: str) -> dict[int, bytes]:
+    def _others(self) -> tuple[int, int]:
+        """Return when H came, and how many samples of the other hand did."""
+        data = self._process.actor.loop.others.data
+        return data.notes.coupled, int(data.counts.sum())
+
+    def _note_others(self) -> None:
+        """Note what the kernel has received of the other hand."""
+        before, self._seen = getattr(self, "_seen", self._others()), self._others()
+        others, now_ns = self._process.actor.loop.others, self._process.host.now_ns()
+        for number in range(before[1], self._seen[1]):
+            row = number % REMEMBERED
+            sample = others.data.wrenches[row].copy(), int(others.data.stamps[0, row])
+            self.events.append(("measured", (others.names[0], *sample), now_ns))
+            self.hands_by_kernel += 1
+        if self._seen[0] > before[0]:
+            came = self._seen[0]
+            gains = {others.names[0]: others.data.gains[0].reshape(6, 6).copy()}
+            found = CouplingMatrices(came, gains if others.data.holding[0] else {})
+            self.events.append(("take_coupling", (found, came, False), came))
+            self.couplings_by_kernel += 1
+
+    def replayed(self, scene: str, **given: str) -> dict[int, bytes]:
         """Return what a driver publishes by Python alone, to which the same happens; by stamp."""
         found: dict[int, bytes] = {}
         graph = SimpleNamespace(
-            exchange=Exchange(), deliver=lambda: None, namespace="", now_ns=0, pushing=()
+            exchange=Exchange(),
+            deliver=lambda: None,
+            namespace=self._process.host.graph.namespace,
+            now_ns=0,
+            pushing=(),
         )
         graph.subscriptions = defaultdict(list)
         graph.sent = lambda topic, kind, message: (
-            found.update({stamp_in(message): message}) if topic == DEVICE_STATES.split()[0] else 0
+            found.update({stamp_in(message): message})
+            if topic.endswith(DEVICE_STATES.split()[0])
+            else 0
         )
         host = Host(graph, HapticDevice.name)
         graph.now_ns = self.events[0][2]
-        host.actor = actor = HapticDevice(host, HapticDevice.parameters_type(scene=scene))
+        parameters = HapticDevice.parameters_type(scene=scene, **given)
+        self.replaying = host.actor = actor = HapticDevice(host, parameters)
         actor.timeout_ns = 10_000 * MS
         actor.backlog.per_tick = lane_kernels.MOST_MISSED + 1
         host.begin()
-        for name, given, graph.now_ns in self.events:
-            getattr(actor.loop if name == "take" else actor, name)(*given)
+        loop = actor.loop
+        whose = {"take": loop, "take_coupling": loop, "measured": loop.others}
+        for name, arguments, graph.now_ns in self.events:
+            getattr(whose.get(name, actor), name)(*arguments)
         return found
 
 
@@ -1434,6 +1492,20 @@ ROUND_TRIP = place_of("round_trip")
 
 def stamp_in(message: bytes) -> int:
     return read(DeviceStateMessage, FlatArray(DeviceStateMessage.layout).decode(message)).stamp_ns
+
+
+def check_as_pythons(got: list[bytes], expected: dict[int, bytes]) -> None:
+    """Check a device's samples against Python's, by stamp."""
+    # A round trip that has changed is reported from the next sample on.
+    order = sorted(expected)
+    for one in got:
+        at = order.index(stamp_in(one))
+        assert one[ROUND_TRIP] in {
+            expected[stamp][ROUND_TRIP] for stamp in order[max(at - 1, 0) : at + 1]
+        }
+        as_python = bytearray(expected[stamp_in(one)])
+        as_python[ROUND_TRIP] = one[ROUND_TRIP]
+        assert as_python == one
 
 
 def test_the_device_moves_as_pythons_does(driven: Process, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -1465,16 +1537,7 @@ def test_the_device_moves_as_pythons_does(driven: Process, monkeypatch: pytest.M
     assert log.by_kernel >= 300
     assert log.gains_by_kernel >= 5
     assert sum(missed) >= 5
-    # A round trip that has changed is reported from the next sample on.
-    order = sorted(expected)
-    for one in got:
-        at = order.index(stamp_in(one))
-        assert one[ROUND_TRIP] in {
-            expected[stamp][ROUND_TRIP] for stamp in order[max(at - 1, 0) : at + 1]
-        }
-        as_python = bytearray(expected[stamp_in(one)])
-        as_python[ROUND_TRIP] = one[ROUND_TRIP]
-        assert as_python == one
+    check_as_pythons(got, expected)
     sample = read(DeviceStateMessage, FlatArray(DeviceStateMessage.layout).decode(got[-1]))
     assert sample.round_trip > 0.0
     assert np.linalg.norm(sample.sample.twist) > 1e-4
@@ -1503,6 +1566,146 @@ def test_a_gain_that_breaks_a_rule_is_refused_once_and_named(
     assert driven.actor.loop.energies.tolist() == taken.tolist()
     before = log.gains_by_kernel
     at_last(lambda: log.gains_by_kernel > before, answer)
+
+
+class Beside:
+    """What left's device hears of its controller and of right's, whose hand holds on too.
+
+    Args:
+        begun: begins its process.
+    """
+
+    def __init__(self, begun: Callable[..., Process]) -> None:
+        place = {"namespace": "/left", "operational_point": "left"}
+        peers = (LEFT_STATES, LEFT_COMMANDS), ("", RIGHT_STATES)
+        self.process = begin_driving(begun, *peers, scene="two_users", **place)
+        self.log, self._rng = Logged(self.process), np.random.default_rng(4)
+        self._wire = CouplingWire(["right"], self.process.actor.limits)
+        self._gain = FlatArray(LocalFeedbackGain.layout)
+        self.got: list[bytes] = []
+        self.told = 0
+
+    def sample(self, stamp_ns: int, spoil: Callable[[Any], None] | None = None) -> bytes:
+        """Return right's sample with another wrench of its hand; ``spoil`` changes its numbers."""
+        at_rest = np.zeros(3), (0.0, 0.0, 0.0, 1.0), np.zeros(6)
+        sample = np.concatenate((*at_rest, self._rng.normal(size=6)))
+        values = DeviceStateMessage.of(stamp_ns, sample=sample).values
+        if spoil is not None:
+            spoil(values)
+        return FlatArray(DeviceStateMessage.layout).prefix + values.tobytes()
+
+    def answer(
+        self, coupled: bool = True, samples: Callable[[int], list[bytes]] | None = None
+    ) -> None:
+        """Let the device go on for a while, and answer its newest sample, if that is new.
+
+        Args:
+            coupled: whether it is told H, from time to time.
+            samples: returns right's of a stamp, ns; one if left out.
+        """
+        process, newest = self.process, stamp_in(self.got[-1]) if self.got else 0
+        process.go(MS // 2)
+        self.got += process.answers()
+        stamp = stamp_in(self.got[-1]) if self.got else 0
+        if stamp == newest:
+            return
+        if any(one.bytes_waiting() for one in process.exchange.lane._incoming.values()):
+            process.exchange.collect(whole=True)
+            process.exchange.deliver()
+        self.told += 1
+        (controller, right), rng = process.peers, self._rng
+        for message in [self.sample(stamp)] if samples is None else samples(stamp):
+            right.speak(message)
+        if self.told % 20 == 0:
+            model = np.repeat((0.05, 2.0, 0.2), 36) * rng.normal(size=108)
+            gain = LocalFeedbackGain.answering(stamp, stamp, 1e-6 * self.told, model)
+            controller.lane.send(LEFT_GAINS, 2, 0, self._gain.encode(gain.values), False)
+        if coupled and self.told % 15 == 0:
+            matrix = 0.1 * rng.normal(size=(6, 6))
+            found = CouplingMatrices(stamp, {"right": matrix} if self.told % 75 else {})
+            controller.lane.send(COUPLINGS, 3, 0, self._wire.encode(found), False)
+        wrench = np.array((0.5, 0.5, 0.0, 0.0, 0.0, 0.02)) * rng.normal(size=6)
+        controller.speak(encode_wrench(wrench, stamp))
+
+    def until(self, happened: Callable[[], object], **given: Any) -> None:
+        """Answer until something has happened."""
+        at_last(happened, partial(self.answer, **given))
+
+
+@pytest.fixture
+def beside(begun: Callable[..., Process]) -> Beside:
+    return Beside(begun)
+
+
+def test_the_device_corrects_for_another_hand_as_pythons_does(beside: Beside) -> None:
+    log, notes = beside.log, beside.process.actor.loop.others.data.notes
+
+    def some(stamp: int) -> list[bytes]:
+        """Return right's sample, or none, or twice, or one that is late."""
+        late = 3 * MS if beside.told % 11 == 0 else 0
+        message = beside.sample(stamp - late)
+        return [message] * (2 if beside.told % 5 == 0 else int(beside.told % 7 != 0))
+
+    for number in range(2):
+        # A hand that is silent, and a controller that tells no H any more, for longer than either
+        # is used.
+        for given in ({"samples": some}, {"samples": lambda _: []}, {"coupled": False}):
+            done = log.by_kernel
+            beside.until(lambda done=done: log.by_kernel > done + 150, **given)
+        assert min(notes.corrected, notes.uncorrected) > 50 * (number + 1)
+    beside.process.exchange.settle()
+    expected = log.replayed("two_users", operational_point="left")
+    assert log.hands_by_kernel > 300
+    assert log.couplings_by_kernel > 20
+    check_as_pythons(beside.got, expected)
+    replayed = log.replaying.loop.others.data.notes
+    assert (replayed.corrected, replayed.uncorrected) == (notes.corrected, notes.uncorrected)
+
+
+@pytest.mark.parametrize("spoil", [nan, old])
+def test_a_sample_of_another_hand_that_breaks_a_rule_is_refused_once_and_named(
+    beside: Beside, spoil: Callable[[Any], None]
+) -> None:
+    host, log = beside.process.host, beside.log
+    beside.until(lambda: log.hands_by_kernel > 5)
+    refused, counts, told = host.refused, beside.process.actor.loop.others.data.counts, beside.told
+    beside.until(lambda: beside.told > told + 3, samples=lambda _: [])
+    before = int(counts[0])
+    beside.until(
+        lambda: host.refused > refused, samples=lambda stamp: [beside.sample(stamp, spoil)]
+    )
+    assert host.last_refusal.startswith("/right/device/state: ")
+    assert counts[0] == before
+    by_kernel = log.hands_by_kernel
+    beside.until(lambda: log.hands_by_kernel > by_kernel + 5)
+
+
+def test_two_devices_of_another_hand_leave_the_device_to_python_without_correction(
+    begun: Callable[..., Process], beside: Beside, folder: Path
+) -> None:
+    actor, log, stranger = beside.process.actor, beside.log, Peer(folder, "", RIGHT_STATES)
+    try:
+        notes = actor.loop.others.data.notes
+        beside.until(lambda: log.hands_by_kernel > 5 and notes.corrected > 5)
+        for _ in range(2):
+            beside.process.peers.append(stranger)
+            beside.process.meet()
+            beside.process.peers.remove(stranger)
+            stranger.speak(beside.sample(time.time_ns()))
+            beside.until(lambda: actor.users.fault(actor.now_ns()))
+            steps, corrected = log.by_kernel, notes.corrected
+            told = beside.told
+            beside.until(lambda told=told: beside.told > told + 100)
+            assert log.by_kernel == steps
+            assert notes.corrected == corrected
+            assert actor.answers.obeys
+            # Until it has been silent for a while.
+            beside.until(lambda corrected=corrected: notes.corrected > corrected + 50)
+            assert log.by_kernel > steps
+        warnings = [line for line in beside.process.host.log.lines if line[0] == "warning"]
+        assert sum("no correction for other hands" in text for _, text in warnings) == 2
+    finally:
+        stranger.lane.close()
 
 
 def test_a_loop_that_is_opened_is_announced(moving: Process) -> None:
