@@ -125,10 +125,6 @@ class OtherHands:
         last = int(data.counts[hand]) - 1
         return last >= 0 and bool(data.stamps[hand, last % REMEMBERED] >= stamp_ns)
 
-    def received(self, name: str, now_ns: int) -> bool:
-        """Return whether a hand's wrench is known at a time (ns)."""
-        return bool(kernels.newest_sample(self.data, self.names.index(name), now_ns) >= 0)
-
     def couple(self, gains: Mapping[str, Array], now_ns: int) -> None:
         """Correct for these hands from now on.
 

@@ -85,7 +85,7 @@ def remember_hand(hands: HandsData, hand: int, stamp: int, wrench: Array) -> Non
     hands.counts[hand] = count + 1
 
 
-@kernel("int64(HandsData, int64, int64)")
+@inner
 def newest_sample(hands: HandsData, hand: int, time: int) -> int:
     """Return the number of a hand's newest sample at a time (ns); -1 if it is silent then."""
     stamps, count = hands.stamps[hand], hands.counts[hand]

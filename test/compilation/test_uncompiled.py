@@ -74,6 +74,7 @@ def exercise(calls):
     from hapticmech_ros.device import device_for
     from hapticmech_ros.loading import shipped_scenes
     from hapticmech_ros.scene.controller import Connection
+    from hapticmech_ros.session.shared_session import SharedSession
 
     class Own(ControlArchitecture):
         def answer(self, *given):
@@ -85,6 +86,8 @@ def exercise(calls):
         session = Session(load_scene(name))
         for number in range(1, 61):
             session.run(20 if number in LOOKED_AT else 150)
+    calls.clear()
+    SharedSession(load_scene("two_users")).run(300)
     for name in ("five_bar", "spatial_arm", "shared_payload"):
         calls.clear()
         scene = load_scene(name)

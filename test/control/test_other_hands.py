@@ -112,12 +112,25 @@ def test_what_was_overtaken_is_dropped_and_what_is_old_forgotten():
 
 def test_a_hand_is_heard_as_long_as_it_is_carried_on():
     others = told(float, 10)
-    assert not others.received("b", -1)
-    assert others.received("b", 5 * PERIOD_NS)
-    assert others.received("b", (9 + SILENT) * PERIOD_NS)
-    assert not others.received("b", (9 + SILENT) * PERIOD_NS + 1)
+    others.couple(GAIN, 0)
+    notes = others.data.notes
+
+    def is_heard(now_ns):
+        corrected, uncorrected = notes.corrected, notes.uncorrected
+        others.correction(now_ns - PERIOD_NS, now_ns)
+        assert notes.corrected + notes.uncorrected == corrected + uncorrected + 1
+        return notes.corrected > corrected
+
+    assert not is_heard(-1)
+    assert is_heard(5 * PERIOD_NS)
+    assert is_heard((9 + SILENT) * PERIOD_NS)
+    assert not is_heard((9 + SILENT) * PERIOD_NS + 1)
     others.forget("b")
-    assert not others.received("b", 9 * PERIOD_NS)
+    assert not is_heard(9 * PERIOD_NS)
+    # Where nobody holds, there is nothing to correct for.
+    others.couple({}, 0)
+    others.correction(8 * PERIOD_NS, 9 * PERIOD_NS)
+    assert (notes.corrected, notes.uncorrected) == (2, 3)
 
 
 def held(*connections, **changes):
