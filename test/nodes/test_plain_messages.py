@@ -33,6 +33,7 @@ from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.exchange import Exchange, Outlet
 from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.nodes.lane import Lane
+from hapticmech_ros.nodes.local_loop import FRESH_NS
 from hapticmech_ros.nodes.mechanism_simulator import MechanismSimulator
 from hapticmech_ros.nodes.nullspace_analyser import NullspaceAnalyser
 from hapticmech_ros.nodes.sources import Origin, first_fault
@@ -1646,20 +1647,37 @@ def test_the_device_corrects_for_another_hand_as_pythons_does(beside: Beside) ->
         message = beside.sample(stamp - late)
         return [message] * (2 if beside.told % 5 == 0 else int(beside.told % 7 != 0))
 
-    for number in range(2):
-        # A hand that is silent, and a controller that tells no H any more, for longer than either
-        # is used.
-        for given in ({"samples": some}, {"samples": lambda _: []}, {"coupled": False}):
-            done = log.by_kernel
-            beside.until(lambda done=done: log.by_kernel > done + 150, **given)
-        assert min(notes.corrected, notes.uncorrected) > 50 * (number + 1)
+    # The hand is silent for longer than its samples are used.
+    for samples in (some, lambda _: [], some, lambda _: []):
+        done = log.by_kernel
+        beside.until(lambda done=done: log.by_kernel > done + 150, samples=samples)
+    assert min(notes.corrected, notes.uncorrected) > 100
     beside.process.exchange.settle()
     expected = log.replayed("two_users", operational_point="left")
-    assert log.hands_by_kernel > 300
-    assert log.couplings_by_kernel > 20
+    assert log.hands_by_kernel > 150
+    assert log.couplings_by_kernel > 10
     check_as_pythons(beside.got, expected)
     replayed = log.replaying.loop.others.data.notes
     assert (replayed.corrected, replayed.uncorrected) == (notes.corrected, notes.uncorrected)
+
+
+def test_what_an_old_message_says_of_another_hand_is_used_no_more(beside: Beside) -> None:
+    log, notes = beside.log, beside.process.actor.loop.others.data.notes
+
+    def corrected(steps: int, **given: Any) -> tuple[int, int]:
+        """Return how many commands were corrected in so many steps, and how many not."""
+        begun, before = log.by_kernel, (notes.corrected, notes.uncorrected)
+        beside.until(lambda: log.by_kernel >= begun + steps, **given)
+        beside.process.exchange.settle()
+        return notes.corrected - before[0], notes.uncorrected - before[1]
+
+    beside.until(lambda: beside.told % 75 == 20 and notes.corrected > 50)
+    still, no_more = corrected(300, coupled=False)
+    # H of up to 15 periods ago.
+    fresh = FRESH_NS // MS
+    assert fresh - 30 < still < fresh + 10
+    assert no_more > 300 - fresh - 10
+    assert corrected(200)[0] > 100
 
 
 @pytest.mark.parametrize("spoil", [nan, old])
