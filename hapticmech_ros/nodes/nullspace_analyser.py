@@ -321,7 +321,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
 
         Args:
             stamp_ns: of the state, ns.
-            matrices: as of :meth:`transmitted`.
+            matrices: Y_ij (6, 6) by operational point; 1, m and 1/m, world axes.
         """
         if self._publish_transmission is not None:
             published = CouplingMatrices(stamp_ns, matrices)
