@@ -167,9 +167,10 @@ def test_long_runs_are_shown_by_and_by_and_fill_a_file(tmp_path):
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"ticks": -1}, r"ticks: must be 0 or more \(got -1\)"),
-        ({"every": 0}, r"every: must be 1 or more \(got 0\)"),
-        ({"chunk": 0}, r"chunk: must be 1 or more \(got 0\)"),
+        ({"ticks": -1}, r"ticks: must be a whole number, 0 or more \(got -1\)"),
+        ({"ticks": 1.5}, r"ticks: must be a whole number, 0 or more \(got 1.5\)"),
+        ({"every": 0}, r"every: must be a whole number, 1 or more \(got 0\)"),
+        ({"chunk": 0}, r"chunk: must be a whole number, 1 or more \(got 0\)"),
         ({"hand_wrench": np.zeros((9, 6))}, r"hand_wrench: must be \(6,\) or \(10, 6\)"),
         ({"external_wrench": np.zeros(3)}, r"external_wrench: must be \(6,\) or \(10, 6\)"),
         ({"into": np.zeros((9, 5))}, r"into: must be \(10 or more, \d+\) of float64"),

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from numbers import Integral
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
@@ -331,12 +332,10 @@ class Session:
         Raises:
             ClosureError: a closed loop came apart.
             InaccurateStepError: a step's energy account is off by a tenth of the energy exchanged.
-            InvalidInputError: the state is no longer finite; fewer than 0 ticks, ``every`` or
-                ``chunk`` below 1, or arrays of another shape, not finite or beyond ``limits``.
+            InvalidInputError: as :func:`check_counts`; the state is no longer finite; or arrays of
+                another shape, not finite or beyond ``limits``.
         """
-        for name, value, least in (("ticks", ticks, 0), ("every", every, 1), ("chunk", chunk, 1)):
-            if value < least:
-                raise InvalidInputError(name, value, f"must be {least} or more")
+        check_counts(ticks, every, chunk)
         inputs = _inputs(ticks, external_wrench, hand_wrench, self.scene.limits)
         first = self._clock[TICK]
         apart = ticks if show is None else chunk
@@ -788,6 +787,22 @@ def _bounded(name: str, given: Array, limits: Limits) -> Array:
         rule = f"must be finite numbers, of at most {force} and {torque} (limits.torque)"
         raise InvalidInputError(name, np.asarray(row).tolist(), rule)
     return given
+
+
+def check_counts(ticks: int, every: int, chunk: int = 1) -> None:
+    """Raise for numbers of ticks that a run cannot have.
+
+    Args:
+        ticks: of the run.
+        every: from one row to the next.
+        chunk: between two calls of a run's ``show``.
+
+    Raises:
+        InvalidInputError: one that is not whole; fewer than 0 ticks, or another below 1.
+    """
+    for name, value, least in (("ticks", ticks, 0), ("every", every, 1), ("chunk", chunk, 1)):
+        if not isinstance(value, Integral) or value < least:
+            raise InvalidInputError(name, value, f"must be a whole number, {least} or more")
 
 
 def _inputs(ticks: int, external: Array | None, push: Array | None, limits: Limits) -> Array:

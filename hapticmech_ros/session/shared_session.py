@@ -21,7 +21,13 @@ from hapticmech_ros.operational.analysis import ContactWrenches, by_others, coup
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Origin
 from hapticmech_ros.session.sample import Run, Sample
-from hapticmech_ros.session.session import NO_RECORDS, Session, checked_pushes, checked_wrench
+from hapticmech_ros.session.session import (
+    NO_RECORDS,
+    Session,
+    check_counts,
+    checked_pushes,
+    checked_wrench,
+)
 from hapticmech_ros.simulation import MechanismState, Simulator
 
 
@@ -144,12 +150,10 @@ class SharedSession:
             every: ticks from one row to the next.
 
         Raises:
-            InvalidInputError: fewer than 0 ticks, or ``every`` below 1.
+            InvalidInputError: as :func:`~hapticmech_ros.session.session.check_counts`.
             ClosureError, InaccurateStepError: as of :meth:`tick`.
         """
-        for name, value, least in (("ticks", ticks, 0), ("every", every, 1)):
-            if value < least:
-                raise InvalidInputError(name, value, f"must be {least} or more")
+        check_counts(ticks, every)
         most, filled, inputs = ticks // every + 1, 0, self._inputs(NOTHING, NOTHING)
         rows = {p: np.empty((most, user.layout.size)) for p, user in self._users.items()}
         for _ in range(ticks):
